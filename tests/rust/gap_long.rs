@@ -84,3 +84,22 @@ fn an_eccentric_gear_no_larger_than_the_small_errors_is_told_where_prediction_ne
         assert!(cause.probability + alternatives > 0.05, "{cause:?}");
     }
 }
+
+/// Small errors everywhere imitate squares of another size in any region of postures, but only if they are larger by
+/// far: beside them the squares are told.
+#[test]
+fn wrong_squares_are_told_beside_errors_everywhere_that_could_imitate_them() {
+    let world = World::new(4, false);
+    let mut wrong = small_errors(&world, 10);
+    wrong.push(Wrong::BoardScale(0.03));
+    wrong.push(Wrong::BoardMount([0.012, -0.008, 0.01, 2e-3, -3e-3, 1e-3]));
+    let plan = Plan { postures: 90, wrong, seed: 8, ..Plan::default() };
+    let found = run(&world, &world.record(&plan));
+    let told = names(&found);
+    assert!(told.contains(&"geometry@robot".to_owned()), "{told:?} {:#?}", found.trace);
+    let squares = found.causes.iter().find(|c| c.effect == "board_scale");
+    let squares = squares.unwrap_or_else(|| panic!("{told:?} {:#?}", found.trace));
+    assert!(squares.probability > 0.9, "{squares:?}");
+    let scale = squares.parameters["scale_error"];
+    assert!((scale.value - 0.03).abs() < 3.0 * scale.std && scale.std < 0.01, "{scale:?}");
+}

@@ -21,7 +21,8 @@ use crate::diagnose::likelihood::fit::{FitOptions, fit};
 use crate::diagnose::likelihood::saturated::free_markers;
 use crate::diagnose::likelihood::score_test::Score;
 use crate::diagnose::model::solver::SOLVER;
-use crate::diagnose::selection::linear_search::{Competing, LinearSearch};
+use crate::diagnose::selection::competing::Competing;
+use crate::diagnose::selection::linear_search::LinearSearch;
 use crate::error::Result;
 use rayon::prelude::*;
 

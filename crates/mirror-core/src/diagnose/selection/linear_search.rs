@@ -9,23 +9,20 @@
 //! small errors everywhere are estimated anew. Fixed are the noise, the observations left out as false, discrete
 //! unknowns (frictions), and gross mistakes.
 
-use crate::diagnose::effects::hypothesis::{Model, Term};
+use crate::diagnose::effects::hypothesis::Model;
 use crate::diagnose::likelihood::covariance::variances;
 use crate::diagnose::likelihood::fit::Active;
 use crate::diagnose::likelihood::normal_equations::{Normal, needs_board};
-use crate::diagnose::likelihood::score_test::Score;
 use crate::diagnose::model::problem::Noise;
 use crate::diagnose::principles::{LOG_PRIOR_SAME_PLACE, Size};
 use crate::diagnose::random_effects::geometric_tolerances::Geometry;
+use crate::diagnose::selection::competing::Competing;
 use crate::diagnose::selection::reduced_equations::{Base, Equations, Factor, Reduced};
 use crate::diagnose::selection::search::Search;
-use crate::diagnose::selection::standing::Standing;
 use crate::error::Result;
 use core::ops::Range;
 use nalgebra::{DMatrix, DVector};
 
-/// Number of hypotheses that compete with the causes found.
-const COMPETING: Size = 28;
 /// Largest number of causes that a search adds to those that were found.
 const MORE_CAUSES: Size = 2;
 
@@ -55,37 +52,6 @@ pub(crate) struct LinearSearch<'a> {
     geometry: Option<(&'a Geometry, usize)>,
     /// Where the group's parameters begin.
     pub first_group: usize,
-}
-
-/// Hypotheses that compete with the causes of a model, the most promising first.
-pub(crate) struct Competing {
-    hypotheses: Vec<(usize, f64)>,
-    /// The first so many were found without small errors everywhere: the search starts from them, too.
-    found: usize,
-    /// How many of them compete at most.
-    most: usize,
-}
-
-impl Competing {
-    /// All of these hypotheses.
-    pub fn all(hypotheses: impl Iterator<Item = (usize, f64)>) -> Self {
-        Self { hypotheses: hypotheses.collect(), found: 0, most: usize::MAX }
-    }
-
-    /// The causes' alternatives, and the highest-ranked hypotheses of the first screening.
-    pub fn of(standings: &[Option<Standing>], ranking: &[Score]) -> Self {
-        let rivals = standings.iter().flatten().flat_map(|s| &s.rivals).map(|r| (r.hypothesis, r.variant));
-        let first_look = ranking.iter().map(|s| (s.hypothesis, s.variant)).take(4 * COMPETING);
-        Self { hypotheses: rivals.chain(first_look).collect(), found: 0, most: COMPETING }
-    }
-
-    /// Causes that were found, and the highest-ranked hypotheses of a screening.
-    pub fn with_found(found: &[Term], ranking: &[Score]) -> Self {
-        let mut hypotheses: Vec<(usize, f64)> = found.iter().map(|t| (t.hypothesis, t.variant)).collect();
-        let count = hypotheses.len();
-        hypotheses.extend(ranking.iter().map(|s| (s.hypothesis, s.variant)));
-        Self { hypotheses, found: count, most: COMPETING }
-    }
 }
 
 impl<'a> LinearSearch<'a> {

@@ -10,12 +10,20 @@
 
 use crate::diagnose::criteria::cross_validation::{PostureGap, gap_of, seen_size};
 use crate::diagnose::criteria::regions::regions;
+use crate::diagnose::effects::Effect;
 use crate::diagnose::likelihood::saturated::free_markers;
 use crate::diagnose::principles::{LEAST_HELD_OUT_GAIN, LEAST_HELD_OUT_RATIO, LEAST_LOG_ODDS, TEMPER};
 use crate::diagnose::random_effects::geometric_tolerances::Geometry;
-use crate::diagnose::selection::linear_search::{Competing, LinearSearch};
+use crate::diagnose::selection::competing::Competing;
+use crate::diagnose::selection::linear_search::LinearSearch;
 use crate::diagnose::selection::search::{Found, Search};
 use crate::error::Result;
+
+/// By what share the held-out gap must be larger without a cause among many small errors: it must be an outlier. A
+/// compliance is no error of a shape and predicts other loads; it needs to help no more than among single causes.
+pub(super) fn least_gain(effect: &dyn Effect) -> f64 {
+    if effect.depends_on_load() { LEAST_HELD_OUT_GAIN } else { 1.0 - LEAST_HELD_OUT_RATIO }
+}
 
 /// Drops causes that do not help where they were not fitted; whether there were any.
 ///

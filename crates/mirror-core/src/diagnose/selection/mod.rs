@@ -3,6 +3,7 @@
 pub(super) mod alternatives;
 pub(super) mod beside_slips;
 mod candidates;
+pub(super) mod competing;
 pub(super) mod correlated_noise;
 pub(super) mod erratic_joint;
 pub(super) mod extended_models;
@@ -22,6 +23,7 @@ pub(super) mod scattered_joints;
 pub(super) mod search;
 pub(super) mod simplify;
 pub(super) mod standing;
+mod tolerance_rounds;
 pub(super) mod transmission_errors;
 pub(super) mod with_setup;
 pub(super) mod with_tolerances;

@@ -4,9 +4,9 @@
 use crate::diagnose::criteria::cross_validation::{PostureGap, held_out, in_sample, seen_size, size};
 use crate::diagnose::effects::hypothesis::{Model, Term};
 use crate::diagnose::likelihood::fit::Group;
-use crate::diagnose::principles::{LEAST_HELD_OUT_GAIN, LEAST_HELD_OUT_RATIO, NEARLY_ALL};
+use crate::diagnose::principles::{LEAST_HELD_OUT_GAIN, NEARLY_ALL};
 use crate::diagnose::random_effects::geometric_tolerances::Geometry;
-use crate::diagnose::selection::linear_use::drop_useless_beside;
+use crate::diagnose::selection::linear_use::{drop_useless_beside, least_gain};
 use crate::diagnose::selection::search::{Found, Search};
 use crate::diagnose::selection::standing::Standing;
 use crate::error::Result;
@@ -69,11 +69,7 @@ pub(crate) fn drop_useless(
     let least_of = |term: &Term| match beside {
         None => LEAST_HELD_OUT_GAIN,
         Some(group) if group.setup_only => 0.0,
-        // A compliance is no error of a shape and predicts other loads: it needs to help no more than among single
-        // causes.
-        Some(_) if catalogue.effect(term.hypothesis).depends_on_load() => LEAST_HELD_OUT_GAIN,
-        // A cause among many small errors must be an outlier.
-        Some(_) => 1.0 - LEAST_HELD_OUT_RATIO,
+        Some(_) => least_gain(catalogue.effect(term.hypothesis)),
     };
     let mut i = 0;
     while i < found.fit.model.terms.len() {

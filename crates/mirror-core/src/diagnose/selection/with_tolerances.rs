@@ -5,27 +5,24 @@ use crate::diagnose::criteria::cross_validation::seen_size;
 use crate::diagnose::criteria::lack_of_fit::adequacy;
 use crate::diagnose::criteria::marker_shift::marker_shift;
 use crate::diagnose::effects::hypothesis::{Model, Term};
-use crate::diagnose::likelihood::fit::{Fit, FitOptions, fit};
+use crate::diagnose::likelihood::fit::{FitOptions, fit};
 use crate::diagnose::likelihood::linearised::Linearised;
 use crate::diagnose::model::solver::SOLVER;
 use crate::diagnose::principles::{
     ABOVE_SCATTER, BEYOND_DOUBT, Grid, LEAST_HELD_OUT_RATIO, LEAST_LOG_ODDS, LOG_PRIOR_STRUCTURE, MAJORITY,
-    SEVERAL_CAUSES, Size, Threshold,
+    SEVERAL_CAUSES, Threshold,
 };
-use crate::diagnose::random_effects::geometric_tolerances::{Geometry, SPREADS_SETTLED};
+use crate::diagnose::random_effects::geometric_tolerances::Geometry;
 use crate::diagnose::random_effects::law_discrepancy::LAW_SHARE;
 use crate::diagnose::random_effects::outlier_tolerances::{name_outlying, put_back};
 use crate::diagnose::random_effects::small_errors::Kind;
-use crate::diagnose::selection::linear_start::linear_start;
 use crate::diagnose::selection::nonparametric::{Unexplained, log_odds, unexplained};
 use crate::diagnose::selection::search::{Found, Search};
+use crate::diagnose::selection::tolerance_rounds::{linear_rounds, one_at_a_time};
 use crate::error::Result;
 
 /// Minimum effective number of values for a scale of the small errors: it is known to better than a half.
 pub(crate) const FEWEST_TOLD: Threshold = 2.5;
-
-/// Rounds in which scales, noise and causes are found in turn: two or three are usual.
-const MOST_ROUNDS: Size = 5;
 
 /// The causes found together with small errors everywhere.
 pub(crate) struct BesideGeometry<'a> {
@@ -152,75 +149,6 @@ pub(crate) fn beside_geometry<'a>(
         unnamed,
         settled,
     }))
-}
-
-/// Causes beside small errors everywhere, with these and the noise in turn, each set chosen in one linear model and then
-/// fitted; whether every choice was borne out by its fit. `start` is a fit with small errors everywhere alone, `alone` are the causes found without them.
-fn linear_rounds(
-    (search, geometry): (&mut Search<'_>, &mut Geometry),
-    start: &mut Fit,
-    alone: &Found,
-    trace: &mut Vec<String>,
-) -> Result<bool> {
-    let mut known = alone.fit.model.terms.clone();
-    for _ in 0..MOST_ROUNDS {
-        let options = FitOptions { noise: search.effective(&start.model)?, steps: 4 };
-        let before = geometry.clone();
-        // Scales and noise first: what the scatter of single causes hides is no choice yet.
-        *start = geometry.fit(&search.problem, search.catalogue, &start.model, options, search.mask)?;
-        search.group = geometry.group.clone();
-        let settled = geometry.change_from(&before) < SPREADS_SETTLED;
-        let from = (&start.model, options.noise);
-        let next = linear_start(search, geometry, from, &core::mem::take(&mut known))?;
-        if same_causes(&next, &start.model) {
-            if settled {
-                break;
-            }
-            continue;
-        }
-        let (mut with, mut its) = (search.clone(), geometry.clone());
-        let fit = its.fit(&search.problem, search.catalogue, &next, options, search.mask)?;
-        with.group = its.group.clone();
-        let found = |fit: &Fit, search: &Search<'_>| -> Result<Found> {
-            let noise = search.effective(&fit.model)?;
-            Ok(Found { fit: fit.clone(), noise, trace: Vec::new(), cut_off: false })
-        };
-        if log_odds((&with, &found(&fit, &with)?), (search, &found(start, search)?))? <= 0.0 {
-            return Ok(false);
-        }
-        (*search, *geometry, *start) = (with, its, fit);
-        let name = |t: &Term| search.catalogue.name(&search.problem.scene, t.hypothesis);
-        let names: Vec<String> = start.model.terms.iter().map(name).collect();
-        trace.push(format!("beside small errors everywhere: {}", names.join(", ")));
-    }
-    Ok(true)
-}
-
-/// The same with causes added one at a time, each fitted, at the scales of the round before.
-fn one_at_a_time(
-    (search, geometry): (&mut Search<'_>, &mut Geometry),
-    start: &mut Fit,
-    trace: &mut Vec<String>,
-) -> Result<()> {
-    for _ in 0..2 {
-        search.group = geometry.group.clone();
-        let before = geometry.clone();
-        let mut next = search.run(start.model.clone())?;
-        trace.append(&mut next.trace);
-        let options = FitOptions { noise: next.noise, steps: 4 };
-        *start = geometry.fit(&search.problem, search.catalogue, &next.fit.model, options, search.mask)?;
-        if geometry.change_from(&before) < SPREADS_SETTLED {
-            break;
-        }
-    }
-    search.group = geometry.group.clone();
-    Ok(())
-}
-
-/// Whether two models have the same causes.
-fn same_causes(one: &Model, other: &Model) -> bool {
-    let has = |model: &Model, term: &Term| model.terms.iter().any(|t| t.hypothesis == term.hypothesis);
-    one.terms.len() == other.terms.len() && one.terms.iter().all(|t| has(other, t))
 }
 
 /// Whether several causes without free-form errors are more probable together with small errors everywhere, by one

@@ -1,0 +1,88 @@
+//! Rounds in which the scales of small errors everywhere, the noise, and the causes beside them are found in turn.
+
+use crate::diagnose::effects::hypothesis::{Model, Term};
+use crate::diagnose::likelihood::fit::{Fit, FitOptions};
+use crate::diagnose::principles::Size;
+use crate::diagnose::random_effects::geometric_tolerances::{Geometry, SPREADS_SETTLED};
+use crate::diagnose::selection::linear_start::linear_start;
+use crate::diagnose::selection::nonparametric::log_odds;
+use crate::diagnose::selection::search::{Found, Search};
+use crate::error::Result;
+
+/// Rounds in which scales, noise and causes are found in turn: two or three are usual.
+const MOST_ROUNDS: Size = 5;
+
+/// Causes beside small errors everywhere, with these and the noise in turn, each set chosen in one linear model and then
+/// fitted; whether every choice was borne out by its fit. `start` is a fit with small errors everywhere alone, `alone` are the causes found without them.
+///
+/// # Errors
+/// Invalid parameters of the camera or mirror.
+pub(super) fn linear_rounds(
+    (search, geometry): (&mut Search<'_>, &mut Geometry),
+    start: &mut Fit,
+    alone: &Found,
+    trace: &mut Vec<String>,
+) -> Result<bool> {
+    let mut known = alone.fit.model.terms.clone();
+    for _ in 0..MOST_ROUNDS {
+        let options = FitOptions { noise: search.effective(&start.model)?, steps: 4 };
+        let before = geometry.clone();
+        // Scales and noise first: what the scatter of single causes hides is no choice yet.
+        *start = geometry.fit(&search.problem, search.catalogue, &start.model, options, search.mask)?;
+        search.group = geometry.group.clone();
+        let settled = geometry.change_from(&before) < SPREADS_SETTLED;
+        let from = (&start.model, options.noise);
+        let next = linear_start(search, geometry, from, &core::mem::take(&mut known))?;
+        if same_causes(&next, &start.model) {
+            if settled {
+                break;
+            }
+            continue;
+        }
+        let (mut with, mut its) = (search.clone(), geometry.clone());
+        let fit = its.fit(&search.problem, search.catalogue, &next, options, search.mask)?;
+        with.group = its.group.clone();
+        let found = |fit: &Fit, search: &Search<'_>| -> Result<Found> {
+            let noise = search.effective(&fit.model)?;
+            Ok(Found { fit: fit.clone(), noise, trace: Vec::new(), cut_off: false })
+        };
+        if log_odds((&with, &found(&fit, &with)?), (search, &found(start, search)?))? <= 0.0 {
+            return Ok(false);
+        }
+        (*search, *geometry, *start) = (with, its, fit);
+        let name = |t: &Term| search.catalogue.name(&search.problem.scene, t.hypothesis);
+        let names: Vec<String> = start.model.terms.iter().map(name).collect();
+        trace.push(format!("beside small errors everywhere: {}", names.join(", ")));
+    }
+    Ok(true)
+}
+
+/// The same with causes added one at a time, each fitted, at the scales of the round before.
+///
+/// # Errors
+/// Invalid parameters of the camera or mirror.
+pub(super) fn one_at_a_time(
+    (search, geometry): (&mut Search<'_>, &mut Geometry),
+    start: &mut Fit,
+    trace: &mut Vec<String>,
+) -> Result<()> {
+    for _ in 0..2 {
+        search.group = geometry.group.clone();
+        let before = geometry.clone();
+        let mut next = search.run(start.model.clone())?;
+        trace.append(&mut next.trace);
+        let options = FitOptions { noise: next.noise, steps: 4 };
+        *start = geometry.fit(&search.problem, search.catalogue, &next.fit.model, options, search.mask)?;
+        if geometry.change_from(&before) < SPREADS_SETTLED {
+            break;
+        }
+    }
+    search.group = geometry.group.clone();
+    Ok(())
+}
+
+/// Whether two models have the same causes.
+fn same_causes(one: &Model, other: &Model) -> bool {
+    let has = |model: &Model, term: &Term| model.terms.iter().any(|t| t.hypothesis == term.hypothesis);
+    one.terms.len() == other.terms.len() && one.terms.iter().all(|t| has(other, t))
+}
