@@ -225,13 +225,16 @@ pub(crate) fn held_out_odds(one: &[PostureGap], other: &[PostureGap], noise: Noi
 
 fn standings(search: &Search<'_>, found: &Found, beside: Option<&Geometry>) -> Result<Vec<Option<Standing>>> {
     // Measured points have few columns, and each cause changes the noise, which only a model shows.
-    if let Some(geometry) = beside.filter(|g| !g.setup_only && search.problem.camera.is_some()) {
-        return linear_standings(search, found, geometry);
-    }
-    (0..found.fit.model.terms.len())
-        .map(|i| {
+    let by_linear_model = match beside.filter(|g| !g.setup_only && search.problem.camera.is_some()) {
+        Some(geometry) => linear_standings(search, found, geometry)?,
+        None => vec![None; found.fit.model.terms.len()],
+    };
+    by_linear_model
+        .into_iter()
+        .enumerate()
+        .map(|(i, known)| {
             let free = search.catalogue.is_free(found.fit.model.terms[i].hypothesis);
-            if free { Ok(None) } else { standing(search, found, i).map(Some) }
+            if free || known.is_some() { Ok(known) } else { standing(search, found, i).map(Some) }
         })
         .collect()
 }

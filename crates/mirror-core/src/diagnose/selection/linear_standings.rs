@@ -18,7 +18,7 @@ use crate::diagnose::selection::standing::{RIVALS, Rival, Standing};
 use crate::error::Result;
 use core::ops::Range;
 
-/// The standings of all causes; none of free-form errors.
+/// The standings of all causes; none of free-form errors, and where numbers overflow.
 ///
 /// # Errors
 /// Invalid parameters of the camera or mirror.
