@@ -15,7 +15,7 @@
 
 use crate::diagnose::assessment::findings::Findings;
 use crate::diagnose::criteria::cross_validation::{PostureGap, gap_of, size};
-use crate::diagnose::criteria::regions::regions;
+use crate::diagnose::criteria::regions::{frames_of, regions};
 use crate::diagnose::data::diagnosis::ChosenAnew;
 use crate::diagnose::likelihood::fit::{FitOptions, fit};
 use crate::diagnose::likelihood::saturated::free_markers;
@@ -34,24 +34,21 @@ pub(crate) fn chosen_anew(findings: &Findings<'_>, ranking: &[Score]) -> Result<
     let (search, found) = (&findings.search, &findings.found);
     let (problem, catalogue) = (&search.problem, search.catalogue);
     let labels = regions(problem);
-    let count = labels.iter().max().map_or(0, |m| m + 1);
+    let parts = frames_of(&labels);
     let named = found.fit.model.terms.iter().any(|t| !catalogue.is_free(t.hypothesis));
-    if !named || count < 2 {
+    if !named || parts.len() < 2 {
         return Ok(None);
     }
-    let of = |r: usize| (0..labels.len()).filter(|&f| labels[f] == r).collect();
-    let parts: Vec<Vec<usize>> = (0..count).map(of).collect();
     let linear = LinearSearch::new(
         (search, &found.fit.model, found.noise),
         findings.geometry.as_ref(),
         &Competing::of(&findings.standings, ranking),
         &parts,
     )?;
-    let gaps = (0..count)
+    let gaps = (0..parts.len())
         .into_par_iter()
         .map(|region| -> Result<(bool, Vec<PostureGap>)> {
-            let weights: Vec<f64> = (0..count).map(|r| if r == region { 0.0 } else { 1.0 }).collect();
-            let equations = linear.sum(&weights);
+            let equations = linear.all_but(region);
             let same = |set: &Vec<usize>| set.len() == linear.found && set.iter().all(|&c| c < linear.found);
             let Some((set, _)) = linear.search(&equations).filter(|(set, _)| !same(set)) else {
                 let own = |g: &&PostureGap| labels[g.frame] == region;
@@ -71,5 +68,5 @@ pub(crate) fn chosen_anew(findings: &Findings<'_>, ranking: &[Score]) -> Result<
         .collect::<Result<Vec<_>>>()?;
     let gap = size(&gaps.iter().flat_map(|(_, gaps)| gaps.iter().copied()).collect::<Vec<_>>());
     let changed = gaps.iter().filter(|(changed, _)| *changed).count();
-    Ok(Some(ChosenAnew { rms_m: gap.told_m(), rms_px: gap.rms_px, regions: count, changed }))
+    Ok(Some(ChosenAnew { rms_m: gap.told_m(), rms_px: gap.rms_px, regions: parts.len(), changed }))
 }

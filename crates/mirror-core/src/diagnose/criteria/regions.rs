@@ -9,6 +9,13 @@ use crate::diagnose::principles::Size;
 /// Regions that are held out in turn.
 pub(crate) const REGIONS: Size = 5;
 
+/// The frames of each region, given the region of each frame.
+pub(crate) fn frames_of(labels: &[usize]) -> Vec<Vec<usize>> {
+    let mut out = vec![Vec::new(); labels.iter().max().map_or(0, |most| most + 1)];
+    labels.iter().enumerate().for_each(|(frame, &region)| out[region].push(frame));
+    out
+}
+
 /// The region of each frame: k-means on the standardised commanded positions of the moving joints, one row a
 /// posture.
 ///

@@ -9,6 +9,7 @@ use crate::diagnose::model::solver::SOLVER;
 use crate::diagnose::principles::{Size, TEMPER, UNTHOUGHT_OF, WORTH_NAMING};
 use crate::diagnose::random_effects::displaced::members_of;
 use crate::diagnose::random_effects::geometric_tolerances::Geometry;
+use crate::diagnose::selection::linear_search::by_linear_models;
 use crate::diagnose::selection::linear_standings::linear_standings;
 use crate::diagnose::selection::search::{Found, Search, SearchOptions};
 use crate::diagnose::selection::standing::{ByMounts, RIVALS, Rival, Standing};
@@ -224,8 +225,7 @@ pub(crate) fn held_out_odds(one: &[PostureGap], other: &[PostureGap], noise: Noi
 }
 
 fn standings(search: &Search<'_>, found: &Found, beside: Option<&Geometry>) -> Result<Vec<Option<Standing>>> {
-    // Measured points have few columns, and each cause changes the noise, which only a model shows.
-    let by_linear_model = match beside.filter(|g| !g.setup_only && search.problem.camera.is_some()) {
+    let by_linear_model = match by_linear_models(&search.problem, beside) {
         Some(geometry) => linear_standings(search, found, geometry)?,
         None => vec![None; found.fit.model.terms.len()],
     };

@@ -10,10 +10,9 @@
 //! unknowns (frictions), and gross mistakes.
 
 use crate::diagnose::effects::hypothesis::Model;
-use crate::diagnose::likelihood::covariance::variances;
 use crate::diagnose::likelihood::fit::Active;
 use crate::diagnose::likelihood::normal_equations::{Normal, needs_board};
-use crate::diagnose::model::problem::Noise;
+use crate::diagnose::model::problem::{Noise, Problem};
 use crate::diagnose::principles::{LOG_PRIOR_SAME_PLACE, Size};
 use crate::diagnose::random_effects::geometric_tolerances::Geometry;
 use crate::diagnose::selection::competing::Competing;
@@ -48,10 +47,21 @@ pub(crate) struct LinearSearch<'a> {
     pub most_causes: usize,
     /// The prior deviations, and the small errors everywhere whose scales each resample estimates anew, with their
     /// first index.
-    std: Vec<f64>,
-    geometry: Option<(&'a Geometry, usize)>,
+    pub(super) std: Vec<f64>,
+    pub(super) geometry: Option<(&'a Geometry, usize)>,
     /// Where the group's parameters begin.
     pub first_group: usize,
+}
+
+/// The small errors everywhere beside which sets of causes are compared in linear models, where pictures show the noise.
+/// Of measured points only a model shows it, so that each cause changes what the others are.
+pub(super) fn by_linear_models<'g>(problem: &Problem, beside: Option<&'g Geometry>) -> Option<&'g Geometry> {
+    beside.filter(|group| !group.setup_only && problem.camera.is_some())
+}
+
+/// Whether two sets have the same members, each once.
+pub(super) fn is_same_set(one: &[usize], other: &[usize]) -> bool {
+    one.len() == other.len() && one.iter().all(|member| other.contains(member))
 }
 
 impl<'a> LinearSearch<'a> {
@@ -165,15 +175,16 @@ impl<'a> LinearSearch<'a> {
         (m, b)
     }
 
-    /// The parameters of a set of candidates, with those that are always free before them.
-    fn indices(&self, set: &[usize]) -> Vec<usize> {
-        let own = set.iter().flat_map(|&c| self.candidates[c].columns.clone());
-        self.always.iter().copied().chain(own).collect()
+    /// The normal equations of all parts but one; of the only one where there are no others.
+    pub fn all_but(&self, part: usize) -> Equations {
+        let count = self.parts.len();
+        self.sum(&(0..count).map(|p| f64::from(p != part || count == 1)).collect::<Vec<_>>())
     }
 
-    /// The equations of all candidates, with what is always free eliminated; none where numbers overflow.
-    pub fn reduced(&self, equations: &Equations) -> Option<Reduced> {
-        Reduced::of(equations, &self.always)
+    /// The parameters of a set of candidates, with those that are always free before them.
+    pub(super) fn indices(&self, set: &[usize]) -> Vec<usize> {
+        let own = set.iter().flat_map(|&c| self.candidates[c].columns.clone());
+        self.always.iter().copied().chain(own).collect()
     }
 
     /// The equations of a set's parameters (without one of its members); none where numbers overflow.
@@ -218,65 +229,6 @@ impl<'a> LinearSearch<'a> {
         let indices = self.indices(set);
         let among = DMatrix::from_fn(indices.len(), indices.len(), |i, j| m[(indices[i], indices[j])]);
         Some((among.cholesky()?, indices))
-    }
-
-    /// The causes that the search finds from nothing or from those that were found, whichever are more probable,
-    /// with the normal equations at the scales that the resample has with them. Adding one cause at a time may end
-    /// at two causes that only imitate two others; the whole search avoids that by additional start points.
-    pub fn search(&self, resample: &Equations) -> Option<(Vec<usize>, Equations)> {
-        let weighed = |set: Vec<usize>, equations: Equations| -> Option<(f64, Vec<usize>, Equations)> {
-            Some((self.log_posterior(&equations, &set)?, set, equations))
-        };
-        let first: Vec<usize> = (0..self.found).collect();
-        let equations = self.with_spreads(resample, &first);
-        let set = self.searched(&equations, first.clone())?;
-        let equations = if set == first { equations } else { self.with_spreads(resample, &set) };
-        let found = weighed(set, equations)?;
-        let equations = self.with_spreads(resample, &[]);
-        let set = self.searched(&equations, Vec::new())?;
-        // Mostly both ways end at the same causes.
-        let is_same = set.len() == found.1.len() && set.iter().all(|c| found.1.contains(c));
-        if is_same {
-            return Some((found.1, found.2));
-        }
-        let equations = if set.is_empty() { equations } else { self.with_spreads(resample, &set) };
-        let nothing = weighed(set, equations)?;
-        let (_, set, equations) = if found.0 >= nothing.0 { found } else { nothing };
-        Some((set, equations))
-    }
-
-    /// The normal equations with the scales of small errors everywhere that the data have with some causes.
-    /// Scales that were estimated with the causes found would leave no room for what these causes explain.
-    pub fn with_spreads(&self, (m, b): &Equations, causes: &[usize]) -> Equations {
-        let Some((geometry, first)) = self.geometry else { return (m.clone(), b.clone()) };
-        let group = first..first + geometry.group.columns.len();
-        // By how much the units of all parameters change, and the equations of some of them in these.
-        let units = |prior_std: &[f64]| -> Vec<f64> {
-            let mut units = vec![1.0; b.len()];
-            group.clone().zip(prior_std).for_each(|(i, std)| units[i] = std / self.std[i]);
-            units
-        };
-        let rescaled = |units: &[f64], of: &[usize]| -> Equations {
-            let among = DMatrix::from_fn(of.len(), of.len(), |i, j| {
-                let one = if i == j { 1.0 } else { 0.0 };
-                (m[(of[i], of[j])] - one) * units[of[i]] * units[of[j]] + one
-            });
-            (among, DVector::from_fn(of.len(), |i, _| b[of[i]] * units[of[i]]))
-        };
-        // What is always free comes first and in order, so that the group has the same indices everywhere.
-        let free = self.indices(causes);
-        let posterior = |prior_std: &[f64]| {
-            let (m, b) = rescaled(&units(prior_std), &free);
-            let factor = m.cholesky()?;
-            let mean = factor.solve(&b);
-            let values = group.clone().zip(prior_std).map(|(i, std)| std * mean[i]).collect();
-            let variances = variances(&factor, group.clone()).into_iter();
-            let variances = variances.zip(prior_std).map(|(v, std)| std * std * v).collect();
-            Some((values, variances))
-        };
-        let mut learned = geometry.clone();
-        learned.learned_from(&posterior);
-        rescaled(&units(&learned.group.prior_std), &(0..b.len()).collect::<Vec<_>>())
     }
 
     /// The values of all parameters, in their own units, where a set of candidates is best by the linear model; 0 of those that are not in it.
@@ -325,24 +277,22 @@ impl<'a> LinearSearch<'a> {
     }
 
     /// Log of evidence times prior of a set, up to a constant.
-    pub fn log_posterior(&self, equations: &Equations, set: &[usize]) -> Option<f64> {
-        let reduced = self.reduced(equations)?;
+    pub(super) fn log_posterior(&self, reduced: &Reduced, set: &[usize]) -> Option<f64> {
         let node = |c: usize| self.candidates[c].node;
         let same = |(i, &c): (usize, &usize)| {
             set[..i].iter().filter(|&&k| node(c).is_some() && node(k) == node(c)).count()
         };
         let prior: f64 = set.iter().map(|&c| self.candidates[c].log_prior).sum();
         let together = set.iter().enumerate().map(same).sum::<usize>() as f64;
-        let evidence = reduced.log_evidence(&self.base(&reduced, set, None)?);
+        let evidence = reduced.log_evidence(&self.base(reduced, set, None)?);
         Some(evidence + prior + LOG_PRIOR_SAME_PLACE * together)
     }
 
     /// Causes added to a set, dropped and exchanged until nothing changes.
-    pub fn searched(&self, equations: &Equations, mut set: Vec<usize>) -> Option<Vec<usize>> {
-        let reduced = self.reduced(equations)?;
+    pub fn searched(&self, reduced: &Reduced, mut set: Vec<usize>) -> Option<Vec<usize>> {
         for _ in 0..2 {
             while set.len() < self.most_causes {
-                let Some((next, odds)) = self.best(&reduced, &set, None) else { break };
+                let Some((next, odds)) = self.best(reduced, &set, None) else { break };
                 if odds < self.least_log_odds {
                     break;
                 }
@@ -351,7 +301,7 @@ impl<'a> LinearSearch<'a> {
             let mut changed = false;
             for at in 0..set.len() {
                 let own = set[at];
-                let (best, odds) = self.best(&reduced, &set, Some(own))?;
+                let (best, odds) = self.best(reduced, &set, Some(own))?;
                 if best != own && odds >= self.least_log_odds {
                     set[at] = best;
                     changed = true;
@@ -360,8 +310,8 @@ impl<'a> LinearSearch<'a> {
             let before = set.len();
             let mut at = 0;
             while at < set.len() {
-                let base = self.base(&reduced, &set, Some(set[at]))?;
-                if self.odds((&reduced, &base), &set, set[at]) >= self.least_log_odds {
+                let base = self.base(reduced, &set, Some(set[at]))?;
+                if self.odds((reduced, &base), &set, set[at]) >= self.least_log_odds {
                     at += 1;
                 } else {
                     set.remove(at);

@@ -10,7 +10,8 @@ use crate::diagnose::model::problem::Noise;
 use crate::diagnose::principles::Size;
 use crate::diagnose::random_effects::geometric_tolerances::Geometry;
 use crate::diagnose::selection::competing::Competing;
-use crate::diagnose::selection::linear_search::LinearSearch;
+use crate::diagnose::selection::linear_scales::WeighedSet;
+use crate::diagnose::selection::linear_search::{LinearSearch, is_same_set};
 use crate::diagnose::selection::reduced_equations::Equations;
 use crate::diagnose::selection::search::Search;
 use crate::error::Result;
@@ -39,52 +40,43 @@ pub(crate) fn linear_start(
     let whole = linear.sum(&[1.0]);
     let from_found = most_probable(&linear, &whole, (0..linear.found).collect());
     let from_nothing = most_probable(&linear, &whole, Vec::new());
-    let sets = [from_found, from_nothing].into_iter().flatten();
-    let Some(best) = sets.max_by(|a, b| a.0.total_cmp(&b.0)) else { return Ok(start.clone()) };
-    Ok(linear.model_with(search, start, (&best.2, &best.1)))
+    let ends = [from_found, from_nothing].into_iter().flatten();
+    let best = ends.max_by(|a, b| a.log_posterior.total_cmp(&b.log_posterior));
+    Ok(best.map_or_else(
+        || start.clone(),
+        |best| linear.model_with(search, start, (&best.scaled.equations, &best.set)),
+    ))
 }
 
-/// The set that the search ends at from another, with its equations and the log of its evidence times prior; none where numbers overflow.
-fn most_probable(
-    linear: &LinearSearch<'_>,
-    whole: &Equations,
-    mut set: Vec<usize>,
-) -> Option<(f64, Vec<usize>, Equations)> {
-    let mut equations = linear.with_spreads(whole, &set);
+/// The set that the search ends at from another; none where numbers overflow.
+fn most_probable(linear: &LinearSearch<'_>, whole: &Equations, start: Vec<usize>) -> Option<WeighedSet> {
+    let mut best = linear.with_scales(whole, start)?;
     for _ in 0..MOST_SETS {
-        let next = linear.searched(&equations, set.clone())?;
-        let is_same = next.len() == set.len() && next.iter().all(|c| set.contains(c));
-        if !is_same {
-            equations = linear.with_spreads(whole, &next);
-            set = next;
-        } else if let Some((wider, its)) = with_one_more(linear, whole, &equations, &set) {
-            (set, equations) = (wider, its);
+        let next = linear.searched(&best.scaled.reduced, best.set.clone())?;
+        if !is_same_set(&next, &best.set) {
+            best = linear.with_scales(whole, next)?;
+        } else if let Some(wider) = with_one_more(linear, whole, &best) {
+            best = wider;
         } else {
             break;
         }
     }
-    Some((linear.log_posterior(&equations, &set)?, set, equations))
+    Some(best)
 }
 
 /// The set with the cause that is most probable at the scales that it leaves; none where it is better without.
-fn with_one_more(
-    linear: &LinearSearch<'_>,
-    whole: &Equations,
-    equations: &Equations,
-    set: &[usize],
-) -> Option<(Vec<usize>, Equations)> {
-    if set.len() >= linear.most_causes {
+fn with_one_more(linear: &LinearSearch<'_>, whole: &Equations, than: &WeighedSet) -> Option<WeighedSet> {
+    if than.set.len() >= linear.most_causes {
         return None;
     }
-    let mut others = linear.additions(&linear.reduced(equations)?, set, None)?;
+    let mut others = linear.additions(&than.scaled.reduced, &than.set, None)?;
     others.retain(|(_, odds)| odds.is_finite());
     others.sort_by(|x, y| y.1.total_cmp(&x.1));
-    let least = linear.log_posterior(equations, set)? + linear.least_log_odds;
-    let weighed = others.iter().take(WEIGHED).filter_map(|&(c, _)| {
-        let wider: Vec<usize> = set.iter().copied().chain([c]).collect();
-        let equations = linear.with_spreads(whole, &wider);
-        Some((linear.log_posterior(&equations, &wider)?, wider, equations))
-    });
-    let (best, wider, equations) = weighed.max_by(|x, y| x.0.total_cmp(&y.0))?;
-    (best > least).then_some((wider, equations))
+    let wider = |c: usize| linear.with_scales(whole, than.set.iter().copied().chain([c]).collect());
+    others
+        .iter()
+        .take(WEIGHED)
+        .filter_map(|&(c, _)| wider(c))
+        .max_by(|x, y| x.log_posterior.total_cmp(&y.log_posterior))
+        .filter(|best| best.log_posterior > than.log_posterior + linear.least_log_odds)
 }

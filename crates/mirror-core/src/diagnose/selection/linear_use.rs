@@ -9,7 +9,7 @@
 //! scales estimated with and without it.
 
 use crate::diagnose::criteria::cross_validation::{PostureGap, gap_of, seen_size};
-use crate::diagnose::criteria::regions::regions;
+use crate::diagnose::criteria::regions::{frames_of, regions};
 use crate::diagnose::effects::Effect;
 use crate::diagnose::likelihood::saturated::free_markers;
 use crate::diagnose::principles::{LEAST_HELD_OUT_GAIN, LEAST_HELD_OUT_RATIO, LEAST_LOG_ODDS, TEMPER};
@@ -18,6 +18,7 @@ use crate::diagnose::selection::competing::Competing;
 use crate::diagnose::selection::linear_search::LinearSearch;
 use crate::diagnose::selection::search::{Found, Search};
 use crate::error::Result;
+use rayon::prelude::*;
 
 /// By what share the held-out gap must be larger without a cause among many small errors: it must be an outlier. A
 /// compliance is no error of a shape and predicts other loads; it needs to help no more than among single causes.
@@ -31,48 +32,42 @@ pub(super) fn least_gain(effect: &dyn Effect) -> f64 {
 /// Invalid parameters of the camera or mirror.
 pub(super) fn drop_useless_beside(
     geometry: &Geometry,
-    search: &mut Search<'_>,
+    search: &Search<'_>,
     found: &mut Found,
 ) -> Result<bool> {
     let (model, catalogue) = (found.fit.model.clone(), search.catalogue);
     let labels = regions(&search.problem);
-    let count = labels.iter().max().map_or(0, |m| m + 1);
-    let of = |r: usize| (0..labels.len()).filter(|&f| labels[f] == r).collect();
-    let parts: Vec<Vec<usize>> = (0..count).map(of).collect();
+    let parts = frames_of(&labels);
     let none = Competing::all(core::iter::empty());
     let linear = LinearSearch::new((search, &model, found.noise), Some(geometry), &none, &parts)?;
     let gap_with = |set: &[usize]| -> Result<f64> {
-        let mut gaps: Vec<PostureGap> = Vec::new();
-        for region in 0..count {
-            let weights: Vec<f64> = (0..count).map(|r| f64::from(r != region || count == 1)).collect();
-            let fitted = linear.model_with(search, &model, (&linear.sum(&weights), set));
+        let of_region = |region: usize| -> Result<Vec<PostureGap>> {
+            let fitted = linear.model_with(search, &model, (&linear.all_but(region), set));
             let test: Vec<bool> = labels.iter().map(|l| *l == region).collect();
             let deformation = search.deformation(&fitted);
             let seen =
                 free_markers(&search.problem, &deformation, search.detector_noise(), true, Some(&test))?;
-            gaps.extend(seen.iter().map(gap_of));
-        }
-        Ok(seen_size(&gaps))
+            Ok(seen.iter().map(gap_of).collect())
+        };
+        let gaps = (0..parts.len()).into_par_iter().map(of_region).collect::<Result<Vec<_>>>()?;
+        Ok(seen_size(&gaps.concat()))
     };
-    let whole = linear.sum(&vec![1.0; count]);
-    let by_evidence = |set: &[usize]| linear.log_posterior(&linear.with_spreads(&whole, set), set);
+    let whole = linear.sum(&vec![1.0; parts.len()]);
+    let by_evidence = |set: &[usize]| Some(linear.with_scales(&whole, set.to_vec())?.log_posterior);
     let mut set: Vec<usize> = (0..linear.found).collect();
     let mut with = gap_with(&set)?;
     let mut at = 0;
     while at < set.len() {
         let hypothesis = linear.candidates[set[at]].hypothesis;
-        let (effect, place) = (catalogue.effect(hypothesis), catalogue.hypotheses[hypothesis].place);
-        // A compliance is no error of a shape and predicts other loads: it needs to help no more than among single
-        // causes.
-        let least = if effect.depends_on_load() { LEAST_HELD_OUT_GAIN } else { 1.0 - LEAST_HELD_OUT_RATIO };
+        let place = catalogue.hypotheses[hypothesis].place;
+        let least = least_gain(catalogue.effect(hypothesis));
         let rest: Vec<usize> = set.iter().copied().filter(|c| *c != set[at]).collect();
         let without = gap_with(&rest)?;
         let leaves_smaller_errors = || {
-            let ahead = by_evidence(&set)? - by_evidence(&rest)?;
-            (TEMPER * ahead > LEAST_LOG_ODDS).then_some(())
+            let ahead = by_evidence(&set).zip(by_evidence(&rest)).map(|(with, without)| with - without);
+            ahead.is_some_and(|ahead| TEMPER * ahead > LEAST_LOG_ODDS)
         };
-        let is_needed =
-            without >= with * (1.0 + least) || place.node().is_none() && leaves_smaller_errors().is_some();
+        let is_needed = without >= with * (1.0 + least) || place.node().is_none() && leaves_smaller_errors();
         if is_needed {
             at += 1;
         } else {

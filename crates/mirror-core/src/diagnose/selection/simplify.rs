@@ -6,6 +6,7 @@ use crate::diagnose::effects::hypothesis::{Model, Term};
 use crate::diagnose::likelihood::fit::Group;
 use crate::diagnose::principles::{LEAST_HELD_OUT_GAIN, NEARLY_ALL};
 use crate::diagnose::random_effects::geometric_tolerances::Geometry;
+use crate::diagnose::selection::linear_search::by_linear_models;
 use crate::diagnose::selection::linear_use::{drop_useless_beside, least_gain};
 use crate::diagnose::selection::search::{Found, Search};
 use crate::diagnose::selection::standing::Standing;
@@ -58,8 +59,7 @@ pub(crate) fn drop_useless(
     after: &mut Vec<PostureGap>,
     beside: Option<&Geometry>,
 ) -> Result<()> {
-    // Measured points have few columns, and far from linear laws.
-    if let Some(geometry) = beside.filter(|g| !g.setup_only && search.problem.camera.is_some()) {
+    if let Some(geometry) = by_linear_models(&search.problem, beside) {
         if drop_useless_beside(geometry, search, found)? {
             *after = search.held_out(&found.fit.model, found.noise)?;
         }

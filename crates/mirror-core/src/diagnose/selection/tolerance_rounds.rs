@@ -2,6 +2,7 @@
 
 use crate::diagnose::effects::hypothesis::{Model, Term};
 use crate::diagnose::likelihood::fit::{Fit, FitOptions};
+use crate::diagnose::model::solver::SOLVER;
 use crate::diagnose::principles::Size;
 use crate::diagnose::random_effects::geometric_tolerances::{Geometry, SPREADS_SETTLED};
 use crate::diagnose::selection::linear_start::linear_start;
@@ -11,9 +12,12 @@ use crate::error::Result;
 
 /// Rounds in which scales, noise and causes are found in turn: two or three are usual.
 const MOST_ROUNDS: Size = 5;
+/// The same where causes are added one at a time, each round of which is a whole search.
+const GREEDY_ROUNDS: Size = 2;
 
 /// Causes beside small errors everywhere, with these and the noise in turn, each set chosen in one linear model and then
-/// fitted; whether every choice was borne out by its fit. `start` is a fit with small errors everywhere alone, `alone` are the causes found without them.
+/// fitted; none where a choice is not borne out by its fit. `start` is a fit with small errors everywhere alone, `alone` are
+/// the causes found without them; it and the scales are then at the last choice that was borne out.
 ///
 /// # Errors
 /// Invalid parameters of the camera or mirror.
@@ -21,8 +25,8 @@ pub(super) fn linear_rounds(
     (search, geometry): (&mut Search<'_>, &mut Geometry),
     start: &mut Fit,
     alone: &Found,
-    trace: &mut Vec<String>,
-) -> Result<bool> {
+) -> Result<Option<Found>> {
+    let mut trace = Vec::new();
     let mut known = alone.fit.model.terms.clone();
     for _ in 0..MOST_ROUNDS {
         let options = FitOptions { noise: search.effective(&start.model)?, steps: 4 };
@@ -47,38 +51,42 @@ pub(super) fn linear_rounds(
             Ok(Found { fit: fit.clone(), noise, trace: Vec::new(), cut_off: false })
         };
         if log_odds((&with, &found(&fit, &with)?), (search, &found(start, search)?))? <= 0.0 {
-            return Ok(false);
+            return Ok(None);
         }
         (*search, *geometry, *start) = (with, its, fit);
         let name = |t: &Term| search.catalogue.name(&search.problem.scene, t.hypothesis);
         let names: Vec<String> = start.model.terms.iter().map(name).collect();
         trace.push(format!("beside small errors everywhere: {}", names.join(", ")));
     }
-    Ok(true)
+    let noise = search.effective(&start.model)?;
+    // Other values of discrete unknowns are compared at this noise.
+    let fit = search.fit(&start.model, noise, SOLVER.final_steps)?;
+    Ok(Some(Found { fit: search.settle(fit, noise)?, noise, trace, cut_off: false }))
 }
 
-/// The same with causes added one at a time, each fitted, at the scales of the round before.
+/// The same from a model with causes added one at a time, each fitted, at the scales of the round before.
 ///
 /// # Errors
 /// Invalid parameters of the camera or mirror.
 pub(super) fn one_at_a_time(
     (search, geometry): (&mut Search<'_>, &mut Geometry),
-    start: &mut Fit,
-    trace: &mut Vec<String>,
-) -> Result<()> {
-    for _ in 0..2 {
+    mut start: Model,
+) -> Result<Found> {
+    let mut round = 0;
+    loop {
         search.group = geometry.group.clone();
         let before = geometry.clone();
-        let mut next = search.run(start.model.clone())?;
-        trace.append(&mut next.trace);
-        let options = FitOptions { noise: next.noise, steps: 4 };
-        *start = geometry.fit(&search.problem, search.catalogue, &next.fit.model, options, search.mask)?;
-        if geometry.change_from(&before) < SPREADS_SETTLED {
-            break;
+        let mut found = search.run(start)?;
+        let options = FitOptions { noise: found.noise, steps: 4 };
+        found.fit =
+            geometry.fit(&search.problem, search.catalogue, &found.fit.model, options, search.mask)?;
+        round += 1;
+        if round == GREEDY_ROUNDS || geometry.change_from(&before) < SPREADS_SETTLED {
+            search.group = geometry.group.clone();
+            return Ok(found);
         }
+        start = found.fit.model;
     }
-    search.group = geometry.group.clone();
-    Ok(())
 }
 
 /// Whether two models have the same causes.

@@ -16,6 +16,7 @@ use crate::diagnose::random_effects::geometric_tolerances::Geometry;
 use crate::diagnose::random_effects::law_discrepancy::LAW_SHARE;
 use crate::diagnose::random_effects::outlier_tolerances::{name_outlying, put_back};
 use crate::diagnose::random_effects::small_errors::Kind;
+use crate::diagnose::selection::linear_search::by_linear_models;
 use crate::diagnose::selection::nonparametric::{Unexplained, log_odds, unexplained};
 use crate::diagnose::selection::search::{Found, Search};
 use crate::diagnose::selection::tolerance_rounds::{linear_rounds, one_at_a_time};
@@ -52,21 +53,18 @@ pub(crate) fn beside_geometry<'a>(
     }
     let mut search = Search { group: geometry.group.clone(), ..named.clone() };
     // Scales first at the scatter that single causes leave, then with the outliers of the group as causes.
-    let mut noise = alone.noise;
     let at = |noise, steps| FitOptions { noise, steps };
-    let mut start = geometry.fit(&named.problem, named.catalogue, nominal, at(noise, 6), named.mask)?;
-    let mut trace = Vec::new();
-    // Where only a model shows the noise, each cause changes what the others are; so it does far from linear.
-    let by_linear_models = named.problem.camera.is_some()
-        && linear_rounds((&mut search, &mut geometry), &mut start, alone, &mut trace)?;
-    if !by_linear_models {
-        one_at_a_time((&mut search, &mut geometry), &mut start, &mut trace)?;
-    }
-    noise = search.effective(&start.model)?;
-    let best = search.fit(&start.model, noise, SOLVER.final_steps)?;
-    let best = search.settle(best, noise)?;
-    let mut start = best.model.clone();
-    let mut found = Found { fit: best, noise, trace, cut_off: false };
+    let mut start = geometry.fit(&named.problem, named.catalogue, nominal, at(alone.noise, 6), named.mask)?;
+    let in_rounds = match by_linear_models(&named.problem, Some(&geometry)) {
+        Some(_) => linear_rounds((&mut search, &mut geometry), &mut start, alone)?,
+        None => None,
+    };
+    let mut found = match in_rounds {
+        Some(found) => found,
+        None => one_at_a_time((&mut search, &mut geometry), start.model)?,
+    };
+    let noise = found.noise;
+    let mut start = found.fit.model.clone();
     let (scene, mut hidden) = (&named.problem.scene, Vec::new());
     for _ in 0..SOLVER.rounds {
         let Some(outlying) = name_outlying((&geometry, scene), named.catalogue, &mut start) else { break };

@@ -61,16 +61,15 @@ fn a_linear_model_tells_what_a_cause_gains_by_the_scales_that_it_leaves() {
     let from = (&search, &without.model, problem.noise);
     let linear = LinearSearch::new(from, Some(&geometry), &competing, &frames).unwrap();
     let whole = linear.sum(&[1.0]);
-    let of = |set: &[usize]| linear.log_posterior(&linear.with_spreads(&whole, set), set).unwrap();
-    let told = of(&[0]) - of(&[]);
+    let [with_it, without_it] = [vec![0], Vec::new()].map(|set| linear.with_scales(&whole, set).unwrap());
+    let told = with_it.log_posterior - without_it.log_posterior;
     assert!(exact > 5.0, "{exact}");
     assert!((told - exact).abs() < 0.1 * exact + 1.0, "{told} {exact}");
     // At the scales without it, it gains less: they leave room for what it explains.
-    let reduced = linear.reduced(&linear.with_spreads(&whole, &[])).unwrap();
-    let at_those = linear.additions(&reduced, &[], None).unwrap()[0].1;
+    let at_those = linear.additions(&without_it.scaled.reduced, &[], None).unwrap()[0].1;
     assert!(at_those < told, "{at_those} {told}");
     // Its value, too, is that of the fit.
-    let moved = linear.model_with(&search, &without.model, (&linear.with_spreads(&whole, &[0]), &[0]));
+    let moved = linear.model_with(&search, &without.model, (&with_it.scaled.equations, &[0]));
     let (value, std) = (with.model.terms[0].parameters[0], with.stds(0)[0]);
     assert!((moved.terms[0].parameters[0] - value).abs() < std, "{:?} {value} {std}", moved.terms);
 }
