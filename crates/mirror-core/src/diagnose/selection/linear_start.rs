@@ -36,7 +36,9 @@ pub(crate) fn linear_start(
     let counts = |f: &usize| search.mask.is_none_or(|m| m[*f]);
     let frames: Vec<usize> = (0..search.problem.frames.len()).filter(counts).collect();
     let competing = Competing::with_found(alone, &ranking);
-    let linear = LinearSearch::new((search, start, noise), Some(geometry), &competing, &[frames])?;
+    let mut linear = LinearSearch::new((search, start, noise), Some(geometry), &competing, &[frames])?;
+    // In each round some are added to those of the round before: no more than any search may find.
+    linear.most_causes = search.options.most_causes;
     let whole = linear.sum(&[1.0]);
     let from_found = most_probable(&linear, &whole, (0..linear.found).collect());
     let from_nothing = most_probable(&linear, &whole, Vec::new());
