@@ -13,6 +13,7 @@ import pytest
 pytest.importorskip("mujoco", reason="blind sessions need MuJoCo")
 
 from mirror_lab.blind import BlindError
+from mirror_lab.blind.comparison import Scored, invented
 from mirror_lab.blind.effects import VOCABULARY
 from mirror_lab.blind.errors import NoPlaceError
 from mirror_lab.blind.fitting import fit
@@ -190,3 +191,22 @@ def test_joints_that_rest_elsewhere_change_the_log_alone(tmp_path: Path) -> None
     assert np.std(moved[np.ix_(first, np.flatnonzero(~still))]) == pytest.approx(0.01, rel=0.2)
     answer = json.loads((tmp_path / "off/answers/rest.json").read_text(encoding="utf-8"))
     assert answer["rest_rad"] == 0.01
+
+
+def test_small_errors_come_beside_the_same_causes_and_may_be_named(tmp_path: Path) -> None:
+    plan = [("kit", "small", ["gear_ratio"])]
+    answers = {}
+    for name, imperfect in (("exact", 0.0), ("kit", 1.0)):
+        (session,) = make_cases(tmp_path / name, 1, 14, replace(QUICK, imperfect=imperfect), plan)
+        answers[name] = json.loads((tmp_path / name / "answers/kit.json").read_text(encoding="utf-8"))
+    assert answers["exact"]["causes"] == answers["kit"]["causes"], "the same cause, judged without the small errors"
+    assert "pixels_sha256" not in answers["kit"], "its small errors are no part of the judge's model"
+    small = answers["kit"]["small"]
+    joints = {c["at"] for c in small if c["effect"] == "joint_offset"}
+    given = [c for c in small if c["effect"] in ("backlash", "joint_compliance")]
+    assert len(joints) >= 3 and {c["at"] for c in given} == joints, "each joint has play or gives"
+    before, after = (answers[n]["true_marker_gap_rms_m"] for n in ("exact", "kit"))
+    assert abs(after - before) > 1e-5
+    said = {"verdict": "explained", "causes": [{"effect": c["effect"], "at": c["at"]} for c in small]}
+    assert not invented(Scored("kit", answers["kit"], said)), "a small error that is there is no invention"
+    assert len(invented(Scored("kit", answers["exact"], said))) == len(small)

@@ -40,6 +40,7 @@ def test_geometry_is_told_one_by_one_and_written_back(tmp_path: Path) -> None:
     assert {m.effect for m in group.members} == effects
     assert all(np.isfinite(m.value) and m.std > 0.0 for m in group.members)
     assert "geometry" in found.sentence
+    assert len(repr(found)) < 1500 and len(repr(group)) < 600, "a person may print it"
     applied = apply_diagnosis(session, found, tmp_path / "better")
     assert all(entry.file is not None for entry in applied.written)
     # On the same observations nothing is left, and on postures of another session of that body hardly anything.

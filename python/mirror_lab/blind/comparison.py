@@ -64,10 +64,9 @@ def rivals_of(case: Scored, truth: dict[str, Any]) -> list[str]:
 
 
 def true_names(case: Scored) -> set[str]:
-    """Names of the true causes and of their side effects (the droop of a sticking servo)."""
-    return {name_of(t) for t in case.truths} | {
-        name_of(x) for t in case.truths for x in t.get("tolerated", [])
-    }
+    """Names of the true causes, of their side effects (the droop of a sticking servo), and of small errors beside them."""
+    beside = [x for t in case.truths for x in t.get("tolerated", [])] + case.answer.get("small", [])
+    return {name_of(t) for t in [*case.truths, *beside]}
 
 
 def found(case: Scored, truth: dict[str, Any]) -> bool:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import copy
 import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from multiprocessing import get_context
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -96,7 +98,8 @@ def save(case: Case, out: Path, rng: np.random.Generator | None = None) -> Path:
     seal beside the session."""
     with whole_folder(out / case.name) as folder:
         write_session(case, folder, rng)
-        if case.mounting is None and case.told is None and case.logged_off_rad is None:
+        exact = case.logged_off_rad is None and "small" not in case.answer
+        if case.mounting is None and case.told is None and exact:
             # The claimed shrinkage is judged only where nothing but the causes differs from what is told.
             case.answer["pixels_sha256"] = keep_pixels(case, out / "answers" / f"{case.name}.npz")
         # The answer is written first, the session with its seal last.
@@ -133,6 +136,7 @@ def _make(job: _Job) -> str:
             draws: Sequence[str] = draw_causes(rng, job.options, sorted(VOCABULARY))
         else:
             _, kind, draws = job.planned
+        exact = copy.deepcopy(rng)
         try:
             case = simulate(job.name, kind, draws, rng, job.options)
             break
@@ -140,22 +144,32 @@ def _make(job: _Job) -> str:
             # Three springs on an arm with two loaded joints: this robot cannot have them, another draw is taken.
             if job.planned is not None or attempt == ATTEMPTS - 1:
                 raise
-    case.answer["seed"] = seed
-    mistaken = any("mistake" in c for c in case.answer["causes"])
-    if case.mounting is not None and not mistaken:
-        case.answer |= judge_by_hand(case, case.mounting)
-    elif case.told is None and not mistaken:
-        case.answer |= judge(case)
-    else:
-        # A mistake moves everything by far more than the noise; small causes beside it keep their drawn sizes.
-        for cause in case.answer["causes"]:
-            cause.setdefault("detectable", True)
-            cause.setdefault("identifiable", True)
-            cause.setdefault("rivals", [])
+    judged = case
+    if job.options.imperfect > 0:
+        # What is identifiable is so without the small errors beside it.
+        judged = simulate(job.name, kind, draws, exact, replace(job.options, imperfect=0.0))
+    # The causes are told on the way: which of them can be identified is written into each.
+    case.answer |= _judged(judged) | {"seed": seed, "causes": judged.answer["causes"]}
     if job.options.rest_rad > 0:
         rest_elsewhere(case, job.options.rest_rad, rng)
     save(case, job.out, rng)
     return job.name
+
+
+def _judged(case: Case) -> dict[str, Any]:
+    """What the data can show of the causes, by the reference that fits the session."""
+    causes = case.answer["causes"]
+    mistaken = any("mistake" in c for c in causes)
+    if case.mounting is not None and not mistaken:
+        return judge_by_hand(case, case.mounting)
+    if case.told is None and not mistaken:
+        return judge(case)
+    # A mistake moves everything by far more than the noise; small causes beside it keep their drawn sizes.
+    for cause in causes:
+        cause.setdefault("detectable", True)
+        cause.setdefault("identifiable", True)
+        cause.setdefault("rivals", [])
+    return {}
 
 
 def make_cases(

@@ -23,6 +23,7 @@ from .drawn_robots import random_robot, small_humanoid
 from .effects import VOCABULARY, Cause, Laws, Scene, transverse_axes
 from .errors import BlindError, NoPlaceError
 from .given_robots import SUFFIXES, from_file
+from .imperfect import add_small_errors
 from .known_robots import talos, unitree_g1, ur10
 from .mistakes import MISTAKES, SLIPS, Told, draw_mistakes
 from .mounting import Mounting, draw_mounting, rotation_of
@@ -66,6 +67,8 @@ class Options:
     """Whether the session states its noise."""
     rest_rad: float = 0.0
     """How far each joint rests from its logged position, in each posture by itself: one standard deviation."""
+    imperfect: float = 0.0
+    """How large small errors of every joint and link are: 1 is a kit of hobby servos."""
 
 
 @dataclass
@@ -286,6 +289,10 @@ def simulate(name: str, kind: str, draws: Sequence[str], rng: np.random.Generato
     causes: list[Cause] = []
     for effect in draws:
         causes.append(_draw_apart(effect, rng, scene, truth, causes))
+    small: list[Cause] = []
+    if options.imperfect > 0:
+        # A generator of its own: with and without small errors the rest of the session is the same.
+        small = add_small_errors(copy.deepcopy(rng), scene, truth, options.imperfect)
     lens = optics.Lens(
         real.focal_px,
         real.center_px + truth.center_shift_px,
@@ -355,6 +362,8 @@ def simulate(name: str, kind: str, draws: Sequence[str], rng: np.random.Generato
         case.mounting = mounting
         case.answer["setup"] = mounting.answer(robot)
         case.answer["zeros_rad"], case.answer["tolerances_stated"] = mounting.zeros_rad, mounting.stated
+    if small:
+        case.answer["small"] = small
     case.noise_told = options.noise_told
     if mistakes:
         case.told = draw_mistakes(rng, mistakes, case, made)

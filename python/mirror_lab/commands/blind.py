@@ -112,6 +112,14 @@ def make(
             help="How far joints rest from their logged positions, in each posture by itself, degrees (one standard deviation).",
         ),
     ] = 0.0,
+    imperfect: Annotated[
+        float,
+        typer.Option(
+            min=0,
+            max=5,
+            help="Small errors of every joint and link beside the causes; 1 is a kit of hobby servos (0.3° each).",
+        ),
+    ] = 0.0,
     workers: Annotated[
         int | None, typer.Option(min=1, help="Processes at once; all cores by default.")
     ] = None,
@@ -156,6 +164,7 @@ def make(
             accidents=accidents,
             noise_told=noise_told,
             rest_rad=math.radians(rest_deg),
+            imperfect=imperfect,
         )
         if robot:
             options = replace(options, robots=tuple(robot))

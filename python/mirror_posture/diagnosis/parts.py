@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from ..arrays import Floats, Integers
 from ..short_repr import ShortRepr
@@ -54,7 +54,7 @@ class Cause:
     alternatives: tuple[Alternative, ...] = ()
     words: str = ""
     rms_shift: float = 0.0
-    members: tuple[Member, ...] = ()
+    members: tuple[Member, ...] = field(default=(), repr=False)
     """Of a group (`geometry`): its small errors one by one."""
     kind: str = ""
     """Whom it concerns: `robot`, `setup`, `camera`, `mirror` or `data`."""

@@ -12,6 +12,7 @@ from typing import Any
 from .._core import MirrorPostureError
 from ..input_files import read_text, reason
 from ..output_files import is_whole
+from ..short_repr import ShortRepr
 from .parsing import read_fields
 from .parts import Cause, Data, Field, Gap, Limit, Place, Ranked, SeenMarker, Signature, Track, Witness
 
@@ -23,8 +24,8 @@ VERSIONS = (1, 2)
 VERDICTS = ("insufficient", "none", "explained", "partial", "unknown")
 
 
-@dataclass(frozen=True)
-class Diagnosis:
+@dataclass(frozen=True, repr=False)
+class Diagnosis(ShortRepr):
     """Where the model is wrong, by which effect, and how far the gap shrinks."""
 
     verdict: str
