@@ -110,6 +110,19 @@ impl Active {
         self.positive.push(positive);
     }
 
+    /// Some of the columns.
+    pub fn among(&self, kept: &[usize]) -> Self {
+        let before = |first: usize| kept.iter().filter(|i| **i < first).count();
+        Self {
+            columns: kept.iter().map(|&i| self.columns[i].clone()).collect(),
+            prior_std: kept.iter().map(|&i| self.prior_std[i]).collect(),
+            values: kept.iter().map(|&i| self.values[i]).collect(),
+            positive: kept.iter().map(|&i| self.positive[i]).collect(),
+            first_group: before(self.first_group),
+            first_term: before(self.first_term),
+        }
+    }
+
     /// Adds the priors to normal equations whose first columns are these.
     pub fn add_priors(&self, h: &mut DMatrix<f64>, g: &mut DVector<f64>) {
         for (i, (value, std)) in self.values.iter().zip(&self.prior_std).enumerate() {

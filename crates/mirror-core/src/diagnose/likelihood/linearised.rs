@@ -4,7 +4,7 @@
 use crate::diagnose::effects::hypothesis::{Catalogue, Model, Term};
 use crate::diagnose::likelihood::covariance::variances;
 use crate::diagnose::likelihood::fit::{Active, FitOptions, Group, linearise};
-use crate::diagnose::likelihood::normal_equations::{Normal, needs_board};
+use crate::diagnose::likelihood::normal_equations::{Normal, Planes, needs_board};
 use crate::diagnose::model::problem::{Noise, Problem};
 use crate::error::Result;
 use core::ops::Range;
@@ -32,6 +32,17 @@ impl Linearised {
         let (normal, active) =
             linearise(problem, catalogue, group, model, options.noise, model.planes.as_deref(), mask)?;
         Ok(Self { normal, active })
+    }
+
+    /// The same of some parameters of normal equations `(H, g, cost)`; the others are held where they are.
+    pub fn among((h, g, cost): (&DMatrix<f64>, &DVector<f64>, f64), active: &Active, kept: &[usize]) -> Self {
+        let normal = Normal {
+            h: DMatrix::from_fn(kept.len(), kept.len(), |a, b| h[(kept[a], kept[b])]),
+            g: DVector::from_fn(kept.len(), |a, _| g[kept[a]]),
+            cost,
+            planes: Planes::default(),
+        };
+        Self { normal, active: active.among(kept) }
     }
 
     /// Which of the parameters are the i-th cause's.

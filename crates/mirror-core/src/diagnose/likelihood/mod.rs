@@ -10,5 +10,6 @@ pub(super) mod noise_scale;
 pub(super) mod normal_equations;
 pub(super) mod probability;
 pub(super) mod saturated;
+pub(super) mod score_sums;
 pub(super) mod score_test;
 mod secant;

@@ -7,7 +7,7 @@
 //! by a joint's law, for example) counts fully.
 
 use crate::diagnose::effects::LawFreedom;
-use crate::diagnose::effects::hypothesis::{Catalogue, Model};
+use crate::diagnose::effects::hypothesis::{Catalogue, Model, Term};
 use crate::diagnose::likelihood::fit::Group;
 use crate::diagnose::model::elementary::Column;
 use crate::diagnose::model::problem::Problem;
@@ -31,24 +31,30 @@ pub(crate) fn with_slack(
         // A group that is not in the model has no values for its columns.
         out = Group::default();
     }
-    for (i, term) in model.terms.iter().enumerate() {
-        let effect = catalogue.effect(term.hypothesis);
-        let freedom = effect.law_freedom();
-        let place = catalogue.hypotheses[term.hypothesis].place;
-        let Some(node) = place.node().filter(|_| freedom != LawFreedom::Exact && in_question != Some(i))
-        else {
-            continue;
-        };
-        let mut alone = problem.nominal();
-        effect.deform(&problem.scene, place, term.variant, &term.parameters, &mut alone);
-        let largest = (0..problem.scene.frames)
-            .map(|f| alone.joint_delta(f, node).abs() + alone.bend(f, node).map_or(0.0, |b| b.norm()))
-            .fold(0.0, f64::max);
-        if largest > 0.0 {
-            let columns: Vec<Column> = law_columns(&problem.scene, place, freedom);
-            out.prior_std.extend(core::iter::repeat_n(LAW_SHARE * largest, columns.len()));
-            out.columns.extend(columns);
-        }
+    let others = model.terms.iter().enumerate().filter(|(i, _)| in_question != Some(*i));
+    for (columns, std) in others.filter_map(|(_, term)| discrepancy(problem, catalogue, term)) {
+        out.prior_std.extend(core::iter::repeat_n(std, columns.len()));
+        out.columns.extend(columns);
     }
     out
+}
+
+/// How many discrepancy terms each cause of a model has.
+pub(crate) fn slack_counts(problem: &Problem, catalogue: &Catalogue, model: &Model) -> Vec<usize> {
+    let count = |term| discrepancy(problem, catalogue, term).map_or(0, |(columns, _)| columns.len());
+    model.terms.iter().map(count).collect()
+}
+
+/// The discrepancy terms of a cause's law, and their prior scale; none where its law is exact or moves nothing.
+fn discrepancy(problem: &Problem, catalogue: &Catalogue, term: &Term) -> Option<(Vec<Column>, f64)> {
+    let effect = catalogue.effect(term.hypothesis);
+    let freedom = effect.law_freedom();
+    let place = catalogue.hypotheses[term.hypothesis].place;
+    let node = place.node().filter(|_| freedom != LawFreedom::Exact)?;
+    let mut alone = problem.nominal();
+    effect.deform(&problem.scene, place, term.variant, &term.parameters, &mut alone);
+    let largest = (0..problem.scene.frames)
+        .map(|f| alone.joint_delta(f, node).abs() + alone.bend(f, node).map_or(0.0, |b| b.norm()))
+        .fold(0.0, f64::max);
+    (largest > 0.0).then(|| (law_columns(&problem.scene, place, freedom), LAW_SHARE * largest))
 }

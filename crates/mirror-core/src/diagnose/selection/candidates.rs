@@ -2,48 +2,70 @@
 //! most probable value of its discrete unknown (a friction torque, a side).
 
 use crate::diagnose::effects::hypothesis::Model;
-use crate::diagnose::likelihood::fit::{Active, Fit, FitOptions, fit_below};
+use crate::diagnose::likelihood::fit::{Fit, FitOptions, fit_below};
 use crate::diagnose::likelihood::linearised::likeliest_variants;
 use crate::diagnose::likelihood::score_test::{Score, screen};
 use crate::diagnose::model::problem::Noise;
 use crate::diagnose::model::solver::SOLVER;
 use crate::diagnose::principles::{BEYOND_DOUBT, Guard, MAJORITY, Size, Threshold};
+use crate::diagnose::selection::scored_model::{Ranked, ScoredModel};
 use crate::diagnose::selection::search::Search;
 use crate::error::Result;
 use rayon::prelude::*;
+use std::sync::OnceLock;
 
 /// Of candidates with a discrete unknown, and of the values of each, this many of the most probable are fitted
 /// exactly.
 const FITTED: Size = 3;
 /// The score test is linearised: a hypothesis that it ranks lower than the best by more than this (log), and by
 /// more than this share of the best's, is not the best when fitted either.
-const LEAST_REACH: Threshold = 25.0;
-const REACH: Threshold = 0.15;
+pub(super) const LEAST_REACH: Threshold = 25.0;
+pub(super) const REACH: Threshold = 0.15;
 /// The same for hypotheses with a discrete unknown, which the score test evaluates at a play of zero width.
 const REACH_OF_VARIANTS: Threshold = MAJORITY;
 /// The share of the score test's estimate at which a fit starts that got worse from the estimate itself.
 const NEXT_TO_NOTHING: Guard = 1e-3;
 
 impl Search<'_> {
-    /// Fits the most promising additions to a model, at a noise; best first. `but` is a fit that is already in the
-    /// model's place; it is left out, and the others must compete with its misfit.
-    pub fn candidates(
+    /// Fits the most promising additions to a model, at a noise; best first.
+    pub fn candidates(&self, model: &Model, noise: Noise, count: usize) -> Result<Vec<Fit>> {
+        let scored = ScoredModel::at(self, model, noise)?;
+        self.fitted(&scored.without(self, &[]), noise, count, None)
+    }
+
+    /// The same of what could be in a cause's place; `but` is that cause and the fit with it, which is left out, and the others must
+    /// compete with its misfit.
+    pub fn rivals(
         &self,
-        model: &Model,
+        rest: &Model,
+        noise: Noise,
+        count: usize,
+        (cause, fit): (usize, &Fit),
+    ) -> Result<Vec<Fit>> {
+        let scored = ScoredModel::at(self, rest, noise)?;
+        self.fitted(&scored.without(self, &[]), noise, count, Some((cause, fit)))
+    }
+
+    /// The same of what was ranked.
+    pub(super) fn fitted(
+        &self,
+        ranked: &Ranked,
         noise: Noise,
         count: usize,
         but: Option<(usize, &Fit)>,
     ) -> Result<Vec<Fit>> {
-        let (group, start) = self.loosened(model, None);
-        let screening = screen(&self.problem, self.catalogue, &group, &start, noise, self.mask)?;
+        let Ranked { model, group, start, active, screening } = ranked;
         let chosen = self.most_promising(&screening.scores, count, but.map(|b| b.0));
         if chosen.is_empty() {
             return Ok(Vec::new());
         }
-        let active = Active::of(&self.problem, self.catalogue, &group, &start);
-        let alone = match screening.misfit {
-            Some(misfit) => misfit,
-            None => self.fit_with_slack(model, None, noise, 0)?.misfit,
+        let once = OnceLock::new();
+        // The misfit of the model alone. Where it cannot be, any is better.
+        let alone = || {
+            *once.get_or_init(|| {
+                let misfit = || self.fit_with_slack(model, None, noise, 0).map_or(f64::INFINITY, |f| f.misfit);
+                screening.misfit.unwrap_or_else(misfit)
+            })
         };
         let with = |model: &Model, score: &Score, share: f64| {
             let mut next = model.with(self.catalogue, score.hypothesis, score.variant);
@@ -56,11 +78,10 @@ impl Search<'_> {
         };
         // Where the linear model has all at its best: mostly a step from the end.
         let fitted_along = |score: &Score, hopeless: f64| {
-            let values = active.values_moved_by(&screening.moved_along(score)?);
-            let next = with(&active.model(&start, &values), score, 1.0);
+            let next = with(&active.model(start, &screening.moved_along(score)?), score, 1.0);
             let options = FitOptions { noise, steps: SOLVER.candidate_steps };
             let (problem, catalogue) = (&self.problem, self.catalogue);
-            let mut fit = fit_below(problem, catalogue, &group, &next, options, self.mask, hopeless).ok()?;
+            let mut fit = fit_below(problem, catalogue, group, &next, options, self.mask, hopeless).ok()?;
             fit.model.group.truncate(model.group.len());
             Some(fit)
         };
@@ -71,12 +92,15 @@ impl Search<'_> {
             self.fit_below(&next, Some(last), noise, SOLVER.candidate_steps, hopeless).ok()
         };
         let fitted = |score: &&Score, hopeless: f64| {
+            let no_worse = |fit: &Option<Fit>| {
+                fit.as_ref().is_some_and(|f| but.is_some() && f.misfit <= hopeless || f.misfit <= alone())
+            };
             let fit = fitted_along(score, hopeless);
-            if fit.as_ref().is_some_and(|f| f.misfit <= alone) {
+            if no_worse(&fit) {
                 return fit;
             }
             let fit = fitted_from(score, 1.0, hopeless);
-            if fit.as_ref().is_some_and(|f| f.misfit <= alone) {
+            if no_worse(&fit) {
                 return fit;
             }
             // Far from the linear model: where a zero is far off and the mounts compensate it, every observation

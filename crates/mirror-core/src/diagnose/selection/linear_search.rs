@@ -79,7 +79,9 @@ impl<'a> LinearSearch<'a> {
         let (problem, catalogue) = (&search.problem, search.catalogue);
         let (group, model): (_, Model) = search.loosened(model, None);
         let active = Active::of(problem, catalogue, &group, &model);
-        let node = |h: usize| catalogue.hypotheses[h].place.node();
+        // Only named causes crowd a place.
+        let node = |h: usize| catalogue.hypotheses[h].place.node().filter(|_| !catalogue.is_free(h));
+        let stays = |h: usize| catalogue.is_free(h) && !competing.free_forms;
         let of = |(hypothesis, variant): (usize, f64), columns: Range<usize>| Candidate {
             hypothesis,
             variant,
@@ -94,7 +96,7 @@ impl<'a> LinearSearch<'a> {
         for term in &model.terms {
             let own = at..at + term.parameters.len();
             at = own.end;
-            if catalogue.is_free(term.hypothesis) {
+            if stays(term.hypothesis) {
                 always.extend(own);
             } else {
                 candidates.push(of((term.hypothesis, term.variant), own));
@@ -106,7 +108,7 @@ impl<'a> LinearSearch<'a> {
         let mut added = 0;
         for (i, &(hypothesis, variant)) in competing.hypotheses.iter().enumerate() {
             let known = candidates.iter().any(|c| c.hypothesis == hypothesis);
-            let left_out = search.options.left_out.contains(&hypothesis) || catalogue.is_free(hypothesis);
+            let left_out = search.options.left_out.contains(&hypothesis) || stays(hypothesis);
             if known || left_out || added >= competing.most {
                 continue;
             }
@@ -251,7 +253,8 @@ impl<'a> LinearSearch<'a> {
         let catalogue = search.catalogue;
         let mut model = model.clone();
         let chosen = |h: usize| set.iter().any(|&c| self.candidates[c].hypothesis == h);
-        model.terms.retain(|t| catalogue.is_free(t.hypothesis) || chosen(t.hypothesis));
+        let competes = |h: usize| self.candidates.iter().any(|c| c.hypothesis == h);
+        model.terms.retain(|t| !competes(t.hypothesis) || chosen(t.hypothesis));
         for candidate in set.iter().map(|&c| &self.candidates[c]) {
             if !model.terms.iter().any(|t| t.hypothesis == candidate.hypothesis) {
                 model = model.with(catalogue, candidate.hypothesis, candidate.variant);

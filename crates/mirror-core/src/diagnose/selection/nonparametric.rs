@@ -17,6 +17,8 @@ use crate::diagnose::model::body::NodeId;
 use crate::diagnose::model::problem::Noise;
 use crate::diagnose::model::scene::Scene;
 use crate::diagnose::principles::{LOG_PRIOR_FREE, LOG_PRIOR_STRUCTURE, TEMPER, Threshold};
+use crate::diagnose::selection::candidates::{LEAST_REACH, REACH};
+use crate::diagnose::selection::free_form_start::free_form_start;
 use crate::diagnose::selection::search::{Found, Search, SearchOptions};
 use crate::error::Result;
 
@@ -154,23 +156,7 @@ pub(crate) fn beside_free_forms<'a>(
         ties: Vec::new(),
         ..search.clone()
     };
-    let mut best: Option<(Search<'a>, Found)> = None;
-    let starts = if enough || terms == 0 { vec![nominal] } else { vec![nominal, &found.fit.model] };
-    for (i, start) in starts.into_iter().enumerate() {
-        if i > 0 && search.problem.budget.is_spent() {
-            break;
-        }
-        let mut beside = wide.clone();
-        let result = beside.run(start.clone())?;
-        let better = match &best {
-            None => true,
-            Some((other, its)) => log_odds((&beside, &result), (other, its))? > 0.0,
-        };
-        if better {
-            best = Some((beside, result));
-        }
-    }
-    let Some((beside, result)) = best else { return Ok(None) };
+    let Some((beside, result)) = searched_beside(&wide, found, nominal, enough)? else { return Ok(None) };
     let odds = log_odds((&beside, &result), (search, found))?;
     let free = result.fit.model.terms.iter().any(|t| all.is_free(t.hypothesis));
     // Laws are never exact, and data that contradict them are many: a free-form error may absorb only that. Several
@@ -179,6 +165,29 @@ pub(crate) fn beside_free_forms<'a>(
     let in_place_of_pieces = enough && (mounts_free || terms > 1);
     let prior = if free && !in_place_of_pieces { LOG_PRIOR_STRUCTURE } else { 0.0 };
     Ok(Some(BesideFreeForms { search: beside, found: result, log_odds: odds + prior }))
+}
+
+/// The search with free-form errors, from the most probable set of one linear model of what was found; none where that shows
+/// that none of them can compete with causes that are `enough`.
+fn searched_beside<'a>(
+    wide: &Search<'a>,
+    found: &Found,
+    nominal: &Model,
+    enough: bool,
+) -> Result<Option<(Search<'a>, Found)>> {
+    let from = |start: &Model| {
+        let mut beside = wide.clone();
+        let result = beside.run(start.clone())?;
+        Ok(Some((beside, result)))
+    };
+    match free_form_start(wide, found, wide.options.most_causes)? {
+        None => from(nominal),
+        Some(choice) if enough => {
+            let in_reach = choice.log_odds > -(LEAST_REACH + REACH * choice.gain.max(0.0));
+            if choice.has_free && in_reach { from(&choice.model) } else { Ok(None) }
+        }
+        Some(choice) => from(&choice.model),
+    }
 }
 
 /// Log posterior odds of one search's result against another's, both at the smaller of their noises.

@@ -10,6 +10,7 @@ use crate::diagnose::model::solver::{NEGLIGIBLE, SOLVER};
 use crate::diagnose::principles::{
     BEYOND_DOUBT, LOG_PRIOR_CROWD, LOG_PRIOR_SAME_PLACE, Prior, SEVERAL_CAUSES,
 };
+use crate::diagnose::selection::scored_model::ScoredModel;
 use crate::diagnose::selection::search::Search;
 use crate::error::Result;
 use core::ops::Range;
@@ -99,6 +100,12 @@ impl Search<'_> {
     /// Log prior odds of the i-th cause given the others.
     fn log_prior_of(&self, model: &Model, i: usize) -> f64 {
         self.log_prior(model) - self.log_prior(&model.without(i))
+    }
+
+    /// The odds of the linearised model if they are beyond doubt, from the sums at the model.
+    pub(super) fn odds_beyond_doubt(&self, model: &Model, i: usize, sums: &ScoredModel) -> Option<f64> {
+        let (here, own) = sums.in_question(i)?;
+        self.clear_odds(model, i, &here, own)
     }
 
     /// The odds of the linearised model if they are beyond doubt; then no fit is needed. They are evaluated at the

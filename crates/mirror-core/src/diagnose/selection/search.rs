@@ -13,6 +13,7 @@ use crate::diagnose::model::problem::{Noise, Problem};
 use crate::diagnose::model::solver::SOLVER;
 use crate::diagnose::principles::{BEYOND_DOUBT, LEAST_LOG_ODDS};
 use crate::diagnose::random_effects::law_discrepancy::with_slack;
+use crate::diagnose::selection::scored_model::ScoredModel;
 use crate::error::Result;
 use rayon::prelude::*;
 
@@ -212,6 +213,7 @@ impl Search<'_> {
             best = self.prune(best, noise, &mut trace)?.0;
             noise = self.effective(&best.model)?;
         }
+        let mut sums = None;
         let mut seen = vec![hypotheses_of(&best)];
         while best.model.terms.len() < self.options.most_causes {
             if self.problem.budget.is_spent() {
@@ -219,7 +221,8 @@ impl Search<'_> {
                 cut_off = true;
                 break;
             }
-            let candidates = self.candidates(&best.model, noise, self.options.refined, None)?;
+            let ranked = self.scored(&mut sums, &best.model, noise)?.without(self, &[]);
+            let candidates = self.fitted(&ranked, noise, self.options.refined, None)?;
             let Some(first) = candidates.first() else { break };
             // Weighed at the noise that the larger model leaves: the smaller one must not hide behind its own misfit.
             let next_noise = self.effective(&first.model)?;
@@ -270,10 +273,10 @@ impl Search<'_> {
             best = self.settle(larger, next_noise)?;
             noise = self.effective(&best.model)?;
             best = self.fit(&best.model, noise, SOLVER.final_steps)?;
-            best = self.exchange(best, noise, &mut trace)?;
-            best = self.merge(best, noise, &mut trace)?;
+            best = self.exchange(best, noise, &mut sums, &mut trace)?;
+            best = self.merge(best, noise, &mut sums, &mut trace)?;
             let odds;
-            (best, odds) = self.prune(best, noise, &mut trace)?;
+            (best, odds) = self.prune_to(1, best, noise, &mut sums, &mut trace)?;
             self.tell(&best, if odds.is_empty() { core::slice::from_ref(&its_odds) } else { &odds });
             noise = self.effective(&best.model)?;
             // Adding and dropping must not go in circles.
@@ -324,20 +327,26 @@ impl Search<'_> {
     /// Drops causes without which the model is no worse, but not the last one; also returns the log odds of each that is
     /// left, unless it is the only one.
     pub fn prune(&mut self, best: Fit, noise: Noise, trace: &mut Vec<String>) -> Result<(Fit, Vec<f64>)> {
-        self.prune_to(1, best, noise, trace)
+        self.prune_to(1, best, noise, &mut None, trace)
     }
 
-    /// The same down to so many causes.
-    pub fn prune_to(
+    /// The same down to so many causes; with the sums at a model, if they are at hand.
+    pub(super) fn prune_to(
         &mut self,
         fewest: usize,
         mut best: Fit,
         noise: Noise,
+        sums: &mut Option<ScoredModel>,
         trace: &mut Vec<String>,
     ) -> Result<(Fit, Vec<f64>)> {
         let (mut i, mut kept) = (0, Vec::new());
         while best.model.terms.len() > fewest && i < best.model.terms.len() {
-            let odds = self.log_odds(&best, i, noise)?;
+            let at_hand = sums.as_ref().filter(|s| s.is_of(&best.model, noise));
+            let clear = at_hand.and_then(|s| self.odds_beyond_doubt(&best.model, i, s));
+            let odds = match clear {
+                Some(odds) => odds,
+                None => self.log_odds(&best, i, noise)?,
+            };
             if odds < self.options.least_log_odds {
                 let name = self.catalogue.name(&self.problem.scene, best.model.terms[i].hypothesis);
                 trace.push(format!("drop {name}: log odds {odds:.1}"));
@@ -355,7 +364,13 @@ impl Search<'_> {
     }
 
     /// Replaces causes by better alternatives, given the other causes.
-    fn exchange(&mut self, mut best: Fit, noise: Noise, trace: &mut Vec<String>) -> Result<Fit> {
+    fn exchange(
+        &mut self,
+        mut best: Fit,
+        noise: Noise,
+        sums: &mut Option<ScoredModel>,
+        trace: &mut Vec<String>,
+    ) -> Result<Fit> {
         if best.model.terms.len() < 2 {
             return Ok(best);
         }
@@ -364,9 +379,12 @@ impl Search<'_> {
                 break;
             }
             let own = best.model.terms[i].hypothesis;
+            let ranked = self.scored(sums, &best.model, noise)?.without(self, &[i]);
+            if self.most_promising(&ranked.screening.scores, 1, Some(own)).is_empty() {
+                continue;
+            }
             let here = self.fit_with_slack(&best.model, Some(i), noise, SOLVER.final_steps)?;
-            let rest = self.taken_out(&best.model, i, noise)?;
-            let rivals = self.candidates(&rest, noise, self.options.refined, Some((own, &here)))?;
+            let rivals = self.fitted(&ranked, noise, self.options.refined, Some((own, &here)))?;
             let Some(rival) = rivals.first() else { continue };
             if self.log_posterior(rival) < self.log_posterior(&here) - BEYOND_DOUBT {
                 continue;
@@ -387,7 +405,13 @@ impl Search<'_> {
 
     /// Two causes at one joint are replaced by one that is as probable: stiction with its droop instead of play and
     /// a spring.
-    fn merge(&mut self, mut best: Fit, noise: Noise, trace: &mut Vec<String>) -> Result<Fit> {
+    fn merge(
+        &mut self,
+        mut best: Fit,
+        noise: Noise,
+        sums: &mut Option<ScoredModel>,
+        trace: &mut Vec<String>,
+    ) -> Result<Fit> {
         let node = |t: &Term| self.catalogue.hypotheses[t.hypothesis].place.node();
         let free = |t: &Term| self.catalogue.is_free(t.hypothesis);
         let terms = &best.model.terms;
@@ -398,8 +422,8 @@ impl Search<'_> {
                 && !free(&terms[k])
         });
         let Some((i, k)) = pair.filter(|_| !self.problem.budget.is_spent()) else { return Ok(best) };
-        let rest = best.model.without(i).without(k);
-        let merged = self.candidates(&rest, noise, self.options.refined, None)?;
+        let ranked = self.scored(sums, &best.model, noise)?.without(self, &[i, k]);
+        let merged = self.fitted(&ranked, noise, self.options.refined, None)?;
         let same_place = |f: &&Fit| f.model.terms.last().is_some_and(|t| node(t) == node(&terms[i]));
         let Some(one) = merged.iter().find(same_place) else { return Ok(best) };
         let one =

@@ -53,7 +53,7 @@ pub(crate) fn with_transmission_errors(
     }
     with.noise = noise;
     // The last cause, too: what an eccentric gear explained may be a part of the curve.
-    with.fit = beside.prune_to(0, with.fit, noise, &mut with.trace)?.0;
+    with.fit = beside.prune_to(0, with.fit, noise, &mut None, &mut with.trace)?.0;
     let odds = log_odds((&beside, &with), (search, found))? + LOG_PRIOR_STRUCTURE;
     let ratio = seen_size(&beside.held_out(&with.fit.model, noise)?)
         / seen_size(&search.held_out(&found.fit.model, found.noise)?).max(1e-30);
