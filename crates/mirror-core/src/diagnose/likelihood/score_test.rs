@@ -107,9 +107,8 @@ pub(crate) fn scored(sums: &ScoreSums, catalogue: &Catalogue, known: &[usize], o
     let candidates = sums.candidates.iter().filter(|c| !known.contains(&c.hypothesis));
     let mut scores: Vec<Score> = candidates
         .map(|candidate| {
-            let g = DVector::from_fn(candidate.g.len(), |k, _| {
-                candidate.g[k] + pulled(&|o| candidate.b[(o, k)])
-            });
+            let g =
+                DVector::from_fn(candidate.g.len(), |k, _| candidate.g[k] + pulled(&|o| candidate.b[(o, k)]));
             let b = if out.is_empty() { candidate.b.clone() } else { candidate.b.select_rows(&kept) };
             score(candidate, (g, b), &catalogue.hypotheses[candidate.hypothesis].prior_std, base.as_ref())
         })

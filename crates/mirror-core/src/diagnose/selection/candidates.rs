@@ -63,7 +63,8 @@ impl Search<'_> {
         // The misfit of the model alone. Where it cannot be, any is better.
         let alone = || {
             *once.get_or_init(|| {
-                let misfit = || self.fit_with_slack(model, None, noise, 0).map_or(f64::INFINITY, |f| f.misfit);
+                let misfit =
+                    || self.fit_with_slack(model, None, noise, 0).map_or(f64::INFINITY, |f| f.misfit);
                 screening.misfit.unwrap_or_else(misfit)
             })
         };

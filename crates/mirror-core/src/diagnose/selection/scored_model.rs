@@ -78,8 +78,11 @@ impl ScoredModel {
     /// The hypotheses ranked in addition to the model's causes but `out`, which are taken out of it.
     pub fn without(&self, search: &Search<'_>, out: &[usize]) -> Ranked {
         let catalogue = search.catalogue;
-        let removed: Vec<usize> =
-            out.iter().flat_map(|&i| self.own[i].parameters.iter().chain(&self.own[i].slack)).copied().collect();
+        let removed: Vec<usize> = out
+            .iter()
+            .flat_map(|&i| self.own[i].parameters.iter().chain(&self.own[i].slack))
+            .copied()
+            .collect();
         let mut model = self.model.clone();
         let mut at = 0..model.terms.len();
         model.terms.retain(|_| at.next().is_none_or(|i| !out.contains(&i)));
@@ -105,7 +108,8 @@ impl ScoredModel {
     /// parameters are; none where the sums see more of the boards than a fit of the model does.
     pub fn in_question(&self, i: usize) -> Option<(Linearised, core::ops::Range<usize>)> {
         let own = &self.own[i];
-        let kept: Vec<usize> = (0..self.sums.active.values.len()).filter(|k| !own.slack.contains(k)).collect();
+        let kept: Vec<usize> =
+            (0..self.sums.active.values.len()).filter(|k| !own.slack.contains(k)).collect();
         let first = own.parameters.first()? - own.slack.len();
         let sums = &self.sums;
         let of = Linearised::among((&sums.h, &sums.g, sums.cost), &sums.active, &kept);

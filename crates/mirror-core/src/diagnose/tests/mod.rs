@@ -16,6 +16,7 @@ mod places;
 mod principles;
 mod prior;
 mod rows;
+mod score_sums;
 mod shortcuts;
 mod springs;
 mod statistics;

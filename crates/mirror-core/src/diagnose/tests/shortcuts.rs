@@ -186,7 +186,8 @@ fn all_else_moves_along_with_a_hypothesis() {
         normal.h[(first + k, first + k)] += std.powi(-2);
     }
     let together = normal.h.cholesky().unwrap().solve(&normal.g);
-    let said: Vec<f64> = along.iter().chain(&score.parameters).copied().collect();
+    let steps = along.iter().zip(&active.values).map(|(value, before)| value - before);
+    let said: Vec<f64> = steps.chain(score.parameters.iter().copied()).collect();
     for (i, (a, b)) in said.iter().zip(together.iter()).enumerate() {
         assert!((a - b).abs() < 1e-6 * together.amax(), "{i}: {a} {b}");
     }
