@@ -35,7 +35,7 @@ pub(crate) struct Memory {
     gravity: Known<Found>,
     /// Without and with changes of joints' zeros.
     slips: [Known<Found>; 2],
-    outlying: Known<Vec<False>>,
+    outlying: Known<Vec<Vec<False>>>,
     budget: Option<WorkBudget>,
 }
 
@@ -70,8 +70,8 @@ impl Memory {
     pub(super) fn outlying(
         &mut self,
         undone: &[Mistake],
-        find: impl FnOnce() -> Result<Vec<False>>,
-    ) -> Result<Vec<False>> {
+        find: impl FnOnce() -> Result<Vec<Vec<False>>>,
+    ) -> Result<Vec<Vec<False>>> {
         self.outlying.remembered(undone, find)
     }
 }

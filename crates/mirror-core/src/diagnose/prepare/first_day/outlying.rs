@@ -18,7 +18,7 @@ use crate::diagnose::principles::{
 };
 use crate::error::Result;
 use nalgebra::Vector3;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 /// If more than this share of a marker's observations is off, single observations are not the reason.
 const MOST_OF_ONE: Threshold = 0.15;
@@ -59,9 +59,14 @@ pub(super) fn find(
     let fit = Tolerant::fitted(problem, &all, least)?;
     let deformation = fit.deformation();
     let mut work = FrameWork::new(problem);
+    let by_frame = all
+        .iter()
+        .map(|&frame| deviations(problem, &deformation, fit.noise, &mut work, frame))
+        .collect::<Result<Vec<_>>>()?;
+    let contradicted = Contradicted::of(problem, &by_frame);
     let mut out = Vec::new();
     for &frame in &all {
-        let deviations = deviations(problem, &deformation, fit.noise, &mut work, frame)?;
+        let deviations = &by_frame[frame];
         let markers: Vec<usize> = (0..deviations.len()).filter(|&i| deviations[i].is_some()).collect();
         let is_false = |i: &usize| deviations[*i].is_some_and(|d| d > FAR_DEVIATIONS);
         let mut chosen: Vec<usize> = markers.iter().copied().filter(is_false).collect();
@@ -87,26 +92,78 @@ pub(super) fn find(
             .collect();
         out.push(False { frame, indices: chosen, told });
     }
-    // A marker that is off in many frames is a cause's, or has slipped: no single observation is to blame.
-    let seen = |name: &str| {
-        let all = problem.frames.iter().flat_map(|f| &f.others);
-        all.filter(|o| target(problem, o) == name).count()
-    };
-    let mut counts: BTreeMap<String, usize> = BTreeMap::new();
-    for left in out.iter().flat_map(|o: &False| &o.told) {
-        *counts.entry(left.target.clone()).or_default() += 1;
-    }
-    let many: Vec<String> =
-        counts.into_iter().filter(|(n, c)| *c as f64 > MOST_OF_ONE * seen(n) as f64).map(|c| c.0).collect();
+    let of = |frame: usize, i: usize| target(problem, &problem.frames[frame].others[i]);
+    let is_sure = |frame: usize, i: usize| contradicted.has(frame, i);
+    let many = off_in_many(problem, &out, &contradicted);
     for found in &mut out {
-        let others = &problem.frames[found.frame].others;
-        found.indices.retain(|&i| !many.contains(&target(problem, &others[i])));
-        found.told.retain(|l| !many.contains(&l.target));
+        let frame = found.frame;
+        let stays = |i: usize| is_sure(frame, i) || !many.contains(&of(frame, i));
+        let kept: Vec<bool> = found.indices.iter().map(|&i| stays(i)).collect();
+        let mut at = kept.iter();
+        found.told.retain(|_| at.next().copied().unwrap_or(false));
+        found.indices.retain(|&i| stays(i));
     }
     out.retain(|o| !o.indices.is_empty());
     let count: usize = out.iter().map(|o| o.indices.len()).sum();
     // Where so much is false no single observation is to blame.
     Ok(if count as f64 > MAJORITY * sizes.len() as f64 { Vec::new() } else { out })
+}
+
+/// The markers that are off in many frames, in all views of each posture: a cause's, or slipped; no single observation is to
+/// blame. Where views contradict each other so often that false observations are common, some postures have no other.
+fn off_in_many(problem: &Problem, found: &[False], contradicted: &Contradicted) -> Vec<String> {
+    #[derive(Default)]
+    struct Count {
+        seen: f64,
+        sure: f64,
+        open: f64,
+    }
+    let mut counts: BTreeMap<String, Count> = BTreeMap::new();
+    for observation in problem.frames.iter().flat_map(|f| &f.others) {
+        counts.entry(target(problem, observation)).or_default().seen += 1.0;
+    }
+    for False { frame, indices, .. } in found {
+        for &i in indices {
+            let count = counts.entry(target(problem, &problem.frames[*frame].others[i])).or_default();
+            *(if contradicted.has(*frame, i) { &mut count.sure } else { &mut count.open }) += 1.0;
+        }
+    }
+    let is_many = |c: &Count| {
+        let false_share = (c.sure + c.open) / c.seen;
+        // Of two views both are false p / (1 − p) times as often as one alone; of more, less often.
+        let by_chance = c.sure * false_share / (1.0 - false_share).max(f64::EPSILON);
+        c.open > MOST_OF_ONE * (c.seen - c.sure) + by_chance
+    };
+    counts.into_iter().filter(|(_, count)| is_many(count)).map(|(name, _)| name).collect()
+}
+
+/// Observations that another view of their marker in the same posture contradicts: one is far from the model, the other is
+/// not. No error of the body does that, because all views of a posture show the same body.
+struct Contradicted {
+    by_frame: Vec<Vec<bool>>,
+}
+
+impl Contradicted {
+    fn of(problem: &Problem, deviations: &[Vec<Option<f64>>]) -> Self {
+        let markers = |frame: usize| problem.frames[frame].others.iter().map(Observation::marker);
+        let mut fits: BTreeSet<(i64, usize)> = BTreeSet::new();
+        for (frame, of_frame) in deviations.iter().enumerate() {
+            let near = markers(frame).zip(of_frame).filter(|(_, d)| d.is_some_and(|d| d <= FAR_DEVIATIONS));
+            fits.extend(near.filter_map(|(marker, _)| Some((problem.posture[frame], marker?))));
+        }
+        let is_off = |frame: usize, marker: Option<usize>, deviation: &Option<f64>| {
+            let far = deviation.is_some_and(|d| d > FAR_DEVIATIONS);
+            far && marker.is_some_and(|m| fits.contains(&(problem.posture[frame], m)))
+        };
+        let of = |(frame, of_frame): (usize, &Vec<Option<f64>>)| {
+            markers(frame).zip(of_frame).map(|(marker, d)| is_off(frame, marker, d)).collect()
+        };
+        Self { by_frame: deviations.iter().enumerate().map(of).collect() }
+    }
+
+    fn has(&self, frame: usize, observation: usize) -> bool {
+        self.by_frame[frame][observation]
+    }
 }
 
 pub(super) fn target(problem: &Problem, observation: &Observation) -> String {

@@ -8,7 +8,9 @@ use super::reported::reported;
 use super::spoilt::{Lost, Step};
 use crate::diagnose::data::diagnosis::{Alternative, Cause, LeftOut};
 use crate::diagnose::data::recording::{Frame, Recording, Target};
+use crate::diagnose::likelihood::noise::trimmed_share;
 use crate::diagnose::model::problem::Problem;
+use crate::diagnose::model::solver::SOLVER;
 use crate::diagnose::prepare::boards::leave_out_wrong_grids;
 use crate::error::Result;
 use crate::robot::Robot;
@@ -45,11 +47,29 @@ pub(crate) struct Doubt {
 }
 
 impl Undone {
-    /// Leaves out what no small error explains: digits, labels, rows whose joints were elsewhere.
+    /// Leaves out what no small error explains: digits, labels, rows whose joints were elsewhere. Where much is, it widens the
+    /// scale by which the rest is judged, so that the rest is judged again.
     pub(super) fn leave_out_false(&mut self, memory: &mut Memory) -> Result<()> {
         let names = names(&self.robot);
-        let find = || outlying::find(&self.problem, &self.recording, &names, self.problem.noise);
-        self.leave_out(memory.outlying(&self.mistakes, find)?);
+        let rounds = || -> Result<Vec<Vec<outlying::False>>> {
+            let (mut problem, mut recording) = (self.problem.clone(), self.recording.clone());
+            let mut rounds = Vec::new();
+            for _ in 0..SOLVER.rounds {
+                let observations = problem.frames.iter().map(|f| f.others.len()).sum::<usize>() as f64;
+                let found = outlying::find(&problem, &recording, &names, problem.noise)?;
+                let many = found.iter().map(|f| f.indices.len()).sum::<usize>() as f64
+                    > trimmed_share() * observations;
+                leave_out(&mut problem, &mut recording, &found);
+                rounds.push(found);
+                if !many {
+                    break;
+                }
+            }
+            Ok(rounds)
+        };
+        for found in memory.outlying(&self.mistakes, rounds)? {
+            self.leave_out(found);
+        }
         Ok(())
     }
 
@@ -60,15 +80,8 @@ impl Undone {
     }
 
     fn leave_out(&mut self, found: Vec<outlying::False>) {
-        for outlying::False { frame, indices, told } in found {
-            outlying::remove(&mut self.recording.frames[frame], &indices);
-            let mut at = 0;
-            self.problem.frames[frame].others.retain(|_| {
-                at += 1;
-                !indices.contains(&(at - 1))
-            });
-            self.left_out.extend(told);
-        }
+        leave_out(&mut self.problem, &mut self.recording, &found);
+        self.left_out.extend(found.into_iter().flat_map(|f| f.told));
     }
 
     /// Undoes a mistake, and reports it.
@@ -117,6 +130,18 @@ impl Undone {
                 why: why.to_owned(),
             }));
         }
+    }
+}
+
+/// Removes observations of a session, given by their index among a frame's arranged ones.
+fn leave_out(problem: &mut Problem, recording: &mut Recording, found: &[outlying::False]) {
+    for outlying::False { frame, indices, .. } in found {
+        outlying::remove(&mut recording.frames[*frame], indices);
+        let mut at = 0;
+        problem.frames[*frame].others.retain(|_| {
+            at += 1;
+            !indices.contains(&(at - 1))
+        });
     }
 }
 
