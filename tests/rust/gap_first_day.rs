@@ -396,3 +396,38 @@ fn boards_of_another_grid_and_single_false_points_are_listed() {
     assert!(left.iter().all(|l| listed.contains(&l.frame)), "{left:?}");
     assert_eq!(diagnosis.data.frames_used, 80 - garbage.len());
 }
+
+/// A detector that takes the wrong spot in three pictures of ten.
+#[test]
+fn markers_that_are_often_elsewhere_are_listed_and_the_cause_is_found_from_the_rest() {
+    let world = world();
+    let mut recording =
+        world.record(&Plan { wrong: vec![Wrong::Ratio(world.bone("r_elbow"), 0.05)], ..plan(35) });
+    // Weyl's sequence: a third of the numbers are below 0.3, and no two markers' are alike.
+    let chance = |k: usize| (k as f64 * 0.618_033_988_749_895).fract();
+    let (mut put, mut k) = (Vec::new(), 0);
+    for frame in &mut recording.frames {
+        for sighting in &mut frame.sightings {
+            let Target::Marker(marker) = sighting.target else { continue };
+            k += 1;
+            if chance(k) < 0.3 {
+                sighting.pixel =
+                    nalgebra::Vector2::new(640.0 * chance(7 * k + 1), 480.0 * chance(11 * k + 2));
+                put.push((frame.number, marker));
+            }
+        }
+    }
+    let diagnosis = run(&world, &recording);
+    let named: Vec<(&str, &str)> =
+        diagnosis.causes.iter().map(|c| (c.effect.as_str(), c.at.as_str())).collect();
+    assert_eq!(named, [("gear_ratio", "joint:r_elbow")], "{} {:#?}", diagnosis.sentence, diagnosis.trace);
+    assert_eq!(diagnosis.verdict, Verdict::Explained);
+    let left = &diagnosis.data.left_out;
+    let found = put.iter().filter(|(frame, marker)| {
+        let name = &world.markers[*marker].0;
+        left.iter().any(|l| l.frame == *frame && l.target == *name)
+    });
+    let (found, all) = (found.count(), put.len());
+    assert!(all > 60 && found as f64 > 0.97 * all as f64, "{found} of {all}");
+    assert!(left.len() < all + all / 20 + 3, "{} for {all}", left.len());
+}
