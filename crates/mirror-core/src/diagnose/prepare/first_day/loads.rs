@@ -8,7 +8,7 @@ use super::mistake::Mistake;
 use super::verify::smaller;
 use crate::diagnose::effects::hypothesis::{Catalogue, Model};
 use crate::diagnose::effects::{Effect, vocabulary};
-use crate::diagnose::likelihood::fit::{FitOptions, Group, fit};
+use crate::diagnose::likelihood::fit::{Active, FitOptions, Group, fit};
 use crate::diagnose::likelihood::noise::effective;
 use crate::diagnose::likelihood::score_test::screen;
 use crate::diagnose::model::problem::{Noise, Problem};
@@ -19,18 +19,63 @@ use core::f64::consts::{FRAC_PI_2, PI};
 use nalgebra::{Rotation3, Vector3};
 use std::sync::Arc;
 
-/// The rotation of gravity with which a single spring explains what no cause explains under the stated direction.
+/// Set free where the parts are mounted by hand: mounts alone leave no gap small enough to see a spring in.
+const MOUNTS: [&str; 4] = ["board_mount", "camera_mount", "marker_mount", "joint_offset"];
+
+/// The rotation of gravity with which a single spring explains what no cause explains under the stated direction, with
+/// everything mounted as modelled, else with mounts and zeros free.
 ///
 /// # Errors
 /// Invalid parameters of camera or mirror.
 pub(super) fn turned_gravity(problem: &Problem) -> Result<Option<(Mistake, f64)>> {
+    let exact = Beside { group: Group::default(), start: Model::nominal(problem) };
+    Ok(match turned_beside(problem, &exact)? {
+        Some(found) => Some(found),
+        None => turned_beside(problem, &Beside::mounts(problem)?)?,
+    })
+}
+
+/// What is free besides a cause, and where its fit starts.
+struct Beside {
+    group: Group,
+    start: Model,
+}
+
+impl Beside {
+    /// Mounts and zeros, fitted alone.
+    fn mounts(problem: &Problem) -> Result<Self> {
+        let effects = vocabulary().into_iter().filter(|e| MOUNTS.contains(&e.name()));
+        let catalogue = Catalogue::new(&problem.scene, effects.map(Arc::from).collect(), &[]);
+        let mut group = Group::default();
+        for hypothesis in 0..catalogue.hypotheses.len() {
+            let entry = &catalogue.hypotheses[hypothesis];
+            let zero = vec![0.0; entry.prior_std.len()];
+            let effect = catalogue.effect(hypothesis);
+            group.columns.extend(effect.columns(&problem.scene, entry.place, 0.0, &zero));
+            group.prior_std.extend(&entry.prior_std);
+        }
+        let mut start = Model::nominal(problem);
+        start.group = vec![0.0; group.columns.len()];
+        for _ in 0..SOLVER.rounds {
+            let deformation = start.deformation(problem, &catalogue, &group.columns);
+            let noise = effective(problem, &deformation, problem.noise, None)?;
+            let options = FitOptions { noise, steps: SOLVER.loose_steps };
+            start = fit(problem, &catalogue, &group, &start, options, None)?.model;
+        }
+        Ok(Self { group, start })
+    }
+}
+
+fn turned_beside(problem: &Problem, beside: &Beside) -> Result<Option<(Mistake, f64)>> {
     let Some(down) = problem.scene.gravity.try_normalize(1e-9) else { return Ok(None) };
     let nominal = problem.nominal();
-    let noise = effective(problem, &nominal, problem.noise, None)?;
+    let none = Catalogue::new(&problem.scene, Vec::new(), &[]);
+    let deformation = beside.start.deformation(problem, &none, &beside.group.columns);
+    let noise = effective(problem, &deformation, problem.noise, None)?;
     if problem.of_observations(noise) < A_GAP * problem.of_observations(problem.noise) {
         return Ok(None);
     }
-    let Some(stated) = best(problem.clone(), vocabulary(), noise)? else { return Ok(None) };
+    let Some(stated) = best(problem.clone(), vocabulary(), beside, noise)? else { return Ok(None) };
     let across = down.cross(&if down.x.abs() < 0.8 { Vector3::x() } else { Vector3::y() }).normalize();
     let other = down.cross(&across);
     let turns = [across * PI, across * FRAC_PI_2, across * -FRAC_PI_2, other * FRAC_PI_2, other * -FRAC_PI_2];
@@ -40,7 +85,7 @@ pub(super) fn turned_gravity(problem: &Problem) -> Result<Option<(Mistake, f64)>
         turned.scene.gravity = Rotation3::new(turn) * problem.scene.gravity;
         turned.scene.update_loads(&nominal);
         let springs = vocabulary().into_iter().filter(|e| e.depends_on_load()).collect();
-        if let Some(best) = best(turned, springs, noise)?
+        if let Some(best) = best(turned, springs, beside, noise)?
             && found.as_ref().is_none_or(|(other, _)| best.log_bayes > other.log_bayes)
         {
             found = Some((best, turn));
@@ -76,6 +121,7 @@ pub(super) fn turned_gravity(problem: &Problem) -> Result<Option<(Mistake, f64)>
 /// The best single cause under a direction of gravity, by the score test.
 struct Likeliest {
     problem: Problem,
+    group: Group,
     catalogue: Catalogue,
     /// At the linear estimate.
     model: Model,
@@ -85,6 +131,7 @@ struct Likeliest {
 /// The same, fitted.
 struct Best {
     problem: Problem,
+    group: Group,
     catalogue: Catalogue,
     model: Model,
     /// What it leaves.
@@ -93,32 +140,41 @@ struct Best {
 
 impl Likeliest {
     fn fitted(self, noise: Noise) -> Result<Best> {
-        let Self { problem, catalogue, model, .. } = self;
-        let (group, options) = (Group::default(), FitOptions { noise, steps: SOLVER.loose_steps });
+        let Self { problem, group, catalogue, model, .. } = self;
+        let options = FitOptions { noise, steps: SOLVER.loose_steps };
         let model = fit(&problem, &catalogue, &group, &model, options, None)?.model;
         let deformation = model.deformation(&problem, &catalogue, &group.columns);
         let left = effective(&problem, &deformation, problem.noise, None)?;
-        Ok(Best { problem, catalogue, model, left })
+        Ok(Best { problem, group, catalogue, model, left })
     }
 }
 
 impl Best {
     fn log_evidence(&self, noise: Noise) -> Result<f64> {
         let options = FitOptions { noise, steps: SOLVER.loose_steps };
-        Ok(fit(&self.problem, &self.catalogue, &Group::default(), &self.model, options, None)?.log_evidence)
+        Ok(fit(&self.problem, &self.catalogue, &self.group, &self.model, options, None)?.log_evidence)
     }
 }
 
-fn best(problem: Problem, effects: Vec<Box<dyn Effect>>, noise: Noise) -> Result<Option<Likeliest>> {
+fn best(
+    problem: Problem,
+    effects: Vec<Box<dyn Effect>>,
+    beside: &Beside,
+    noise: Noise,
+) -> Result<Option<Likeliest>> {
     let catalogue = Catalogue::new(&problem.scene, effects.into_iter().map(Arc::from).collect(), &[]);
-    let model = Model::nominal(&problem);
-    let scores = screen(&problem, &catalogue, &Group::default(), &model, noise, None)?.scores;
-    let Some(score) = scores.first() else { return Ok(None) };
-    let mut with = model.with(&catalogue, score.hypothesis, score.variant);
+    let (group, model) = (beside.group.clone(), &beside.start);
+    let screening = screen(&problem, &catalogue, &group, model, noise, None)?;
+    // What is free already is no cause.
+    let is_free = |h: usize| !group.columns.is_empty() && MOUNTS.contains(&catalogue.effect(h).name());
+    let Some(score) = screening.scores.iter().find(|s| !is_free(s.hypothesis)) else { return Ok(None) };
+    let active = Active::of(&problem, &catalogue, &group, model);
+    let moved = screening.moved_along(score).map_or_else(|| model.clone(), |v| active.model(model, &v));
+    let mut with = moved.with(&catalogue, score.hypothesis, score.variant);
     if let Some(term) = with.terms.last_mut() {
         let positive = catalogue.effect(score.hypothesis).is_positive();
         term.parameters = score.parameters.iter().map(|p| if positive { p.max(0.0) } else { *p }).collect();
     }
     let log_bayes = score.log_bayes;
-    Ok(Some(Likeliest { problem, catalogue, model: with, log_bayes }))
+    Ok(Some(Likeliest { problem, group, catalogue, model: with, log_bayes }))
 }
