@@ -181,6 +181,13 @@ def test_named_silent_abstained_and_misled_are_told_apart() -> None:
     )
 
 
+def test_zeros_that_are_a_little_off_are_small_errors_everywhere() -> None:
+    told = ["joints_swapped@joint:a<->joint:b", "geometry@robot"]
+    hand = {"setup": [{"effect": "board_mount", "at": "board", "dx_m": 0.003}]}
+    assert outcome(_scored([SWAP], told, **hand)) == "misled"
+    assert outcome(_scored([SWAP], told, **hand, zeros_rad={"c": 0.002})) == "named"
+
+
 def test_a_set_up_beside_a_cause_is_no_invention_and_something_else_is() -> None:
     hand = {"setup": [{"effect": "board_mount", "at": "board", "dx_m": 0.003}]}
     right = _scored([SMALL], ["gear_ratio@joint:c", "board_mount@board", "geometry@robot"], **hand)

@@ -1,7 +1,7 @@
 //! Sessions whose board, camera and markers were mounted by hand: the cause is named all the same, and the set-up is told as set-up.
 
 use crate::gap_world::{Plan, World, Wrong};
-use mirror_core::diagnose::{Cause, DiagnoseOptions, Diagnosis, Tolerance, diagnose};
+use mirror_core::diagnose::{Cause, DiagnoseOptions, Diagnosis, Recording, Tolerance, diagnose};
 use mirror_core::robot::Robot;
 use nalgebra::{Rotation3, Vector3};
 use rand::{Rng, SeedableRng};
@@ -25,6 +25,11 @@ fn urdf_with_the_board_off(world: &World) -> String {
 
 /// A session mounted by hand, with a further cause.
 fn by_hand(seed: u64, cause: Option<Wrong>) -> Diagnosis {
+    by_hand_as_told(seed, cause, |_| ())
+}
+
+/// The same, with something told otherwise than it was.
+fn by_hand_as_told(seed: u64, cause: Option<Wrong>, tell: impl Fn(&mut Recording)) -> Diagnosis {
     let world = World::new(4, false);
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     let mut some = |size: f64| random.random_range(-1.7 * size..1.7 * size);
@@ -39,7 +44,8 @@ fn by_hand(seed: u64, cause: Option<Wrong>) -> Diagnosis {
     ]));
     wrong.extend((0..world.markers.len()).map(|m| Wrong::Mount(m, [some(0.002), some(0.002), some(0.002)])));
     wrong.extend((0..world.bones.len()).map(|b| Wrong::Offset(b, some(ZEROS_RAD))));
-    let recording = world.record(&Plan { postures: 50, seed, wrong, ..Plan::default() });
+    let mut recording = world.record(&Plan { postures: 50, seed, wrong, ..Plan::default() });
+    tell(&mut recording);
     let robot = Robot::from_urdf_str(&urdf_with_the_board_off(&world)).unwrap();
     diagnose(&robot, &recording, &DiagnoseOptions::default(), &[]).unwrap()
 }
@@ -130,4 +136,20 @@ fn mounts_within_their_stated_tolerance_are_told_beside_the_joint_that_they_imit
         "{:?}",
         causes[0].alternatives
     );
+}
+
+/// Without mounts free no spring shows that gravity is upside down; couplings and eccentric gears took its place.
+#[test]
+fn gravity_upside_down_is_told_where_parts_are_mounted_by_hand() {
+    for seed in [5, 6] {
+        let world = World::new(4, false);
+        let spring = Wrong::Compliance(world.bone("r_shoulder_pitch"), 0.05);
+        let found = by_hand_as_told(seed, Some(spring), |r| r.gravity = -r.gravity);
+        let told: Vec<String> = of_robot(&found).iter().map(|c| format!("{}@{}", c.effect, c.at)).collect();
+        assert!(told.contains(&"gravity_direction@robot".to_owned()), "{seed}: {told:?} {:#?}", found.trace);
+        assert!(told.contains(&"joint_compliance@joint:r_shoulder_pitch".to_owned()), "{seed}: {told:?}");
+        assert_eq!(told.len(), 2, "{seed}: {told:?}");
+    }
+    let found = by_hand(5, None);
+    assert!(found.causes.iter().all(|c| c.effect != "gravity_direction"), "{:?}", names(&found));
 }

@@ -29,11 +29,13 @@ def outcome(case: Scored) -> str:
     told = {sides(name_of(c)) for c in case.causes}
     true = {sides(name_of(t)) for t in case.truths}
     tolerated = {sides(name_of(x)) for t in case.truths for x in t.get("tolerated", [])}
+    # Zeros of all joints that are a little off are small errors everywhere.
+    displaced = SETUP if "zeros_rad" in case.answer else MOUNTS if "setup" in case.answer else ()
     wrong = [
         c
         for c in case.causes
         if sides(name_of(c)) not in true | tolerated
-        and c["effect"] not in (MOUNTS if "setup" in case.answer else ())
+        and c["effect"] not in displaced
         and c.get("probability", 1.0) >= CONFIDENT
     ]
     enough = len(told & (true | tolerated)) >= len(wanted)
