@@ -199,7 +199,9 @@ def test_small_errors_come_beside_the_same_causes_and_may_be_named(tmp_path: Pat
     for name, imperfect in (("exact", 0.0), ("kit", 1.0)):
         make_cases(tmp_path / name, 1, 14, replace(QUICK, imperfect=imperfect), plan)
         answers[name] = json.loads((tmp_path / name / "answers/kit.json").read_text(encoding="utf-8"))
-    assert answers["exact"]["causes"] == answers["kit"]["causes"], "the same cause, judged without the small errors"
+    assert answers["exact"]["causes"] == answers["kit"]["causes"], (
+        "the same cause, judged without the small errors"
+    )
     assert "pixels_sha256" not in answers["kit"], "its small errors are no part of the judge's model"
     small = answers["kit"]["small"]
     joints = {c["at"] for c in small if c["effect"] == "joint_offset"}

@@ -34,7 +34,10 @@ def add_small_errors(rng: np.random.Generator, scene: Scene, truth: Truth, scale
         size, phase = scale * abs(rng.normal(0, GEAR_RAD)), rng.uniform(0, 2 * np.pi)
         zero = float(scale * rng.normal(0, ZERO_RAD))
         truth.servo.append((joint, _gear(joint, size, phase, zero)))
-        small += [Cause(effect="gear_eccentricity", at=at, size_rad=size), Cause(effect="joint_offset", at=at)]
+        small += [
+            Cause(effect="gear_eccentricity", at=at, size_rad=size),
+            Cause(effect="joint_offset", at=at),
+        ]
         shift_m = rng.normal(0, scale * ORIGIN_SHARE * robot.length_scale_m, 3)
         truth.origin_shift_m[body] = truth.origin_shift_m.get(body, np.zeros(3)) + shift_m
         axis = truth.axis.get(body, robot.bodies[body].axis)
