@@ -8,7 +8,7 @@ use crate::diagnose::likelihood::score_test::{Score, screen};
 use crate::diagnose::model::problem::Noise;
 use crate::diagnose::model::solver::SOLVER;
 use crate::diagnose::principles::{BEYOND_DOUBT, Guard, MAJORITY, Size, Threshold};
-use crate::diagnose::selection::scored_model::{Ranked, ScoredModel};
+use crate::diagnose::selection::ranked::Ranked;
 use crate::diagnose::selection::search::Search;
 use crate::error::Result;
 use rayon::prelude::*;
@@ -29,8 +29,8 @@ const NEXT_TO_NOTHING: Guard = 1e-3;
 impl Search<'_> {
     /// Fits the most promising additions to a model, at a noise; best first.
     pub fn candidates(&self, model: &Model, noise: Noise, count: usize) -> Result<Vec<Fit>> {
-        let scored = ScoredModel::at(self, model, noise)?;
-        self.fitted(&scored.without(self, &[]), noise, count, None)
+        let scored = self.sums_at(model, noise)?;
+        self.fitted(&self.ranked(&scored, &[]), noise, count, None)
     }
 
     /// The same of what could be in a cause's place; `but` is that cause and the fit with it, which is left out, and the others must
@@ -42,8 +42,8 @@ impl Search<'_> {
         count: usize,
         (cause, fit): (usize, &Fit),
     ) -> Result<Vec<Fit>> {
-        let scored = ScoredModel::at(self, rest, noise)?;
-        self.fitted(&scored.without(self, &[]), noise, count, Some((cause, fit)))
+        let scored = self.sums_at(rest, noise)?;
+        self.fitted(&self.ranked(&scored, &[]), noise, count, Some((cause, fit)))
     }
 
     /// The same of what was ranked.

@@ -5,7 +5,6 @@ use crate::diagnose::effects::hypothesis::Model;
 use crate::diagnose::selection::competing::Competing;
 use crate::diagnose::selection::linear_search::LinearSearch;
 use crate::diagnose::selection::reduced_equations::Reduced;
-use crate::diagnose::selection::scored_model::ScoredModel;
 use crate::diagnose::selection::search::{Found, Search};
 use crate::error::Result;
 
@@ -31,9 +30,9 @@ pub(super) fn free_form_start(
     most_causes: usize,
 ) -> Result<Option<LinearChoice>> {
     let model = &found.fit.model;
-    let scored = ScoredModel::at(wide, model, found.noise)?;
+    let scored = wide.sums_at(model, found.noise)?;
     let all: Vec<usize> = (0..model.terms.len()).collect();
-    let (in_place, beside) = (scored.without(wide, &all), scored.without(wide, &[]));
+    let (in_place, beside) = (wide.ranked(&scored, &all), wide.ranked(&scored, &[]));
     let competing = Competing::in_place_or_beside(&in_place.screening.scores, &beside.screening.scores);
     let counts = |f: &usize| wide.mask.is_none_or(|m| m[*f]);
     let frames: Vec<usize> = (0..wide.problem.frames.len()).filter(counts).collect();

@@ -20,6 +20,7 @@ pub(super) mod near_ties;
 pub(super) mod nonparametric;
 pub(super) mod pairwise_start;
 pub(super) mod posterior_odds;
+mod ranked;
 pub(super) mod reduced_equations;
 pub(super) mod scattered_joints;
 mod scored_model;

@@ -167,8 +167,9 @@ pub(crate) fn beside_free_forms<'a>(
     Ok(Some(BesideFreeForms { search: beside, found: result, log_odds: odds + prior }))
 }
 
-/// The search with free-form errors, from the most probable set of one linear model of what was found; none where that shows
-/// that none of them can compete with causes that are `enough`.
+/// The search with free-form errors. Beside causes that are `enough` it is from the most probable set of one linear model of
+/// what was found; none where that shows that no such error can compete with them. Otherwise it is from the nominal model and from
+/// the causes found, and what is more probable counts.
 fn searched_beside<'a>(
     wide: &Search<'a>,
     found: &Found,
@@ -178,16 +179,19 @@ fn searched_beside<'a>(
     let from = |start: &Model| {
         let mut beside = wide.clone();
         let result = beside.run(start.clone())?;
-        Ok(Some((beside, result)))
+        Ok((beside, result))
     };
-    match free_form_start(wide, found, wide.options.most_causes)? {
-        None => from(nominal),
-        Some(choice) if enough => {
-            let in_reach = choice.log_odds > -(LEAST_REACH + REACH * choice.gain.max(0.0));
-            if choice.has_free && in_reach { from(&choice.model) } else { Ok(None) }
-        }
-        Some(choice) => from(&choice.model),
+    if enough && let Some(choice) = free_form_start(wide, found, wide.options.most_causes)? {
+        let in_reach = choice.log_odds > -(LEAST_REACH + REACH * choice.gain.max(0.0));
+        return if choice.has_free && in_reach { from(&choice.model).map(Some) } else { Ok(None) };
     }
+    let best = from(nominal)?;
+    if enough || found.fit.model.terms.is_empty() || wide.problem.budget.is_spent() {
+        return Ok(Some(best));
+    }
+    let other = from(&found.fit.model)?;
+    let better = log_odds((&other.0, &other.1), (&best.0, &best.1))? > 0.0;
+    Ok(Some(if better { other } else { best }))
 }
 
 /// Log posterior odds of one search's result against another's, both at the smaller of their noises.

@@ -221,7 +221,7 @@ impl Search<'_> {
                 cut_off = true;
                 break;
             }
-            let ranked = self.scored(&mut sums, &best.model, noise)?.without(self, &[]);
+            let ranked = self.ranked(self.scored(&mut sums, &best.model, noise)?, &[]);
             let candidates = self.fitted(&ranked, noise, self.options.refined, None)?;
             let Some(first) = candidates.first() else { break };
             // Weighed at the noise that the larger model leaves: the smaller one must not hide behind its own misfit.
@@ -379,7 +379,7 @@ impl Search<'_> {
                 break;
             }
             let own = best.model.terms[i].hypothesis;
-            let ranked = self.scored(sums, &best.model, noise)?.without(self, &[i]);
+            let ranked = self.ranked(self.scored(sums, &best.model, noise)?, &[i]);
             if self.most_promising(&ranked.screening.scores, 1, Some(own)).is_empty() {
                 continue;
             }
@@ -422,7 +422,7 @@ impl Search<'_> {
                 && !free(&terms[k])
         });
         let Some((i, k)) = pair.filter(|_| !self.problem.budget.is_spent()) else { return Ok(best) };
-        let ranked = self.scored(sums, &best.model, noise)?.without(self, &[i, k]);
+        let ranked = self.ranked(self.scored(sums, &best.model, noise)?, &[i, k]);
         let merged = self.fitted(&ranked, noise, self.options.refined, None)?;
         let same_place = |f: &&Fit| f.model.terms.last().is_some_and(|t| node(t) == node(&terms[i]));
         let Some(one) = merged.iter().find(same_place) else { return Ok(best) };
