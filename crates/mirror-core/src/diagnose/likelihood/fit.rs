@@ -212,6 +212,10 @@ pub(crate) fn fit_below(
             let values = active.values_moved_by(&step);
             let next = active.model(&model, &values);
             if gain < SOLVER.last_gain {
+                // It may lead out of what a camera or a mirror can be: a pane at its largest thickness.
+                if problem.eye(&next.deformation(problem, catalogue, &group.columns)).is_err() {
+                    break;
+                }
                 normal.cost = current - gain - active.penalty(&values);
                 (model, active.values) = (next, values);
                 break;
