@@ -8,7 +8,7 @@
 //! Source: the score (Lagrange multiplier) test, Rao 1948; the evidence is that of the linearised model.
 
 use crate::diagnose::effects::hypothesis::{Catalogue, Model};
-use crate::diagnose::likelihood::fit::Group;
+use crate::diagnose::likelihood::fit::{Active, Group};
 use crate::diagnose::likelihood::score_sums::{CandidateSums, ScoreSums};
 use crate::diagnose::model::problem::{Noise, Problem};
 use crate::error::Result;
@@ -39,9 +39,8 @@ pub(crate) struct Screening {
     /// visible.
     pub misfit: Option<f64>,
     base: Option<Base>,
-    /// The values of all that the model has already.
-    values: Vec<f64>,
-    positive: Vec<bool>,
+    /// All that the model has already.
+    pub active: Active,
 }
 
 impl Screening {
@@ -59,9 +58,7 @@ impl Screening {
     fn moved(&self, left: &DVector<f64>) -> Option<Vec<f64>> {
         let (factor, _) = self.base.as_ref()?;
         let step = factor.l_dirty().tr_solve_lower_triangular(left)?;
-        let moved = self.values.iter().zip(step.iter()).zip(&self.positive);
-        let values: Vec<f64> =
-            moved.map(|((v, s), positive)| if *positive { (v + s).max(0.0) } else { v + s }).collect();
+        let values = self.active.values_moved_by(&step);
         values.iter().all(|x| x.is_finite()).then_some(values)
     }
 }
@@ -87,19 +84,14 @@ pub(crate) fn screen(
 /// All hypotheses but the `known` ones scored, best first; `out` are parameters of the model that are taken out: they are 0, and
 /// cannot move.
 pub(crate) fn scored(sums: &ScoreSums, catalogue: &Catalogue, known: &[usize], out: &[usize]) -> Screening {
-    let active = &sums.active;
-    let kept: Vec<usize> = (0..active.columns.len()).filter(|i| !out.contains(i)).collect();
-    // The model's gradient in some parameters once those are 0.
-    let pulled = |own: &dyn Fn(usize) -> f64| -> f64 { out.iter().map(|&o| own(o) * active.values[o]).sum() };
-    let weight = |i: usize| active.prior_std[i].powi(-2);
-    let h = DMatrix::from_fn(kept.len(), kept.len(), |a, b| {
-        let (i, j) = (kept[a], kept[b]);
-        sums.h[(i, j)] + if a == b { weight(i) } else { 0.0 }
-    });
-    let g = DVector::from_fn(kept.len(), |a, _| {
-        let i = kept[a];
-        sums.g[i] - active.values[i] * weight(i) + pulled(&|o| sums.h[(i, o)])
-    });
+    let all = &sums.active;
+    let kept: Vec<usize> = (0..all.columns.len()).filter(|i| !out.contains(i)).collect();
+    let active = all.among(&kept);
+    // What a gradient gains once those are 0.
+    let pulled = |own: &dyn Fn(usize) -> f64| -> f64 { out.iter().map(|&o| own(o) * all.values[o]).sum() };
+    let mut h = DMatrix::from_fn(kept.len(), kept.len(), |a, b| sums.h[(kept[a], kept[b])]);
+    let mut g = DVector::from_fn(kept.len(), |a, _| sums.g[kept[a]] + pulled(&|o| sums.h[(kept[a], o)]));
+    active.add_priors(&mut h, &mut g);
     let base = h.cholesky().and_then(|factor| {
         let along = factor.l_dirty().solve_lower_triangular(&g)?;
         Some((factor, along))
@@ -115,9 +107,7 @@ pub(crate) fn scored(sums: &ScoreSums, catalogue: &Catalogue, known: &[usize], o
         .collect();
     scores.sort_by(|x, y| y.log_bayes.total_cmp(&x.log_bayes));
     let misfit = (sums.comparable && out.is_empty()).then(|| sums.cost + active.penalty(&active.values));
-    let values = kept.iter().map(|&i| active.values[i]).collect();
-    let positive = kept.iter().map(|&i| active.positive[i]).collect();
-    Screening { scores, misfit, base, values, positive }
+    Screening { scores, misfit, base, active }
 }
 
 /// The score of one hypothesis, with the gradient of its parameters and the products of the model's columns with its own.

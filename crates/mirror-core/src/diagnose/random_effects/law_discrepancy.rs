@@ -13,6 +13,7 @@ use crate::diagnose::model::elementary::Column;
 use crate::diagnose::model::problem::Problem;
 use crate::diagnose::principles::Prior;
 use crate::diagnose::random_effects::free_form::law_columns;
+use core::ops::Range;
 
 /// Scale of a law's discrepancy, as a share of the largest error that its cause makes (one standard deviation at a
 /// knot).
@@ -39,10 +40,20 @@ pub(crate) fn with_slack(
     out
 }
 
-/// How many discrepancy terms each cause of a model has.
-pub(crate) fn slack_counts(problem: &Problem, catalogue: &Catalogue, model: &Model) -> Vec<usize> {
-    let count = |term| discrepancy(problem, catalogue, term).map_or(0, |(columns, _)| columns.len());
-    model.terms.iter().map(count).collect()
+/// Where each cause's discrepancy terms are among the parameters of a model whose group begins at `first_group`.
+pub(crate) fn slack_of_each(
+    problem: &Problem,
+    catalogue: &Catalogue,
+    model: &Model,
+    first_group: usize,
+) -> Vec<Range<usize>> {
+    let mut at = first_group + model.group.len();
+    let own = |term| {
+        let first = at;
+        at += discrepancy(problem, catalogue, term).map_or(0, |(columns, _)| columns.len());
+        first..at
+    };
+    model.terms.iter().map(own).collect()
 }
 
 /// The discrepancy terms of a cause's law, and their prior scale; none where its law is exact or moves nothing.

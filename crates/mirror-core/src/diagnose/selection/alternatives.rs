@@ -85,7 +85,7 @@ fn rivals_at_all_noises(
     let coarse = named.effective(rest)?;
     let own_fit = named.fit_with_slack(&found.fit.model, Some(i), coarse, 4)?;
     let count = if named.problem.budget.is_spent() { FEW_RIVALS } else { RIVALS };
-    let candidates = named.rivals(rest, coarse, count, (own, &own_fit))?;
+    let candidates = named.candidates(rest, coarse, count, Some((own, &own_fit)))?;
     let is_rival = |fit: &&Fit| {
         fit.model.terms.last().is_some_and(|term| {
             // An effect that is equivalent to a simpler alternative is that alternative.

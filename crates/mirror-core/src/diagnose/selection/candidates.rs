@@ -27,23 +27,16 @@ const REACH_OF_VARIANTS: Threshold = MAJORITY;
 const NEXT_TO_NOTHING: Guard = 1e-3;
 
 impl Search<'_> {
-    /// Fits the most promising additions to a model, at a noise; best first.
-    pub fn candidates(&self, model: &Model, noise: Noise, count: usize) -> Result<Vec<Fit>> {
-        let scored = self.sums_at(model, noise)?;
-        self.fitted(&self.ranked(&scored, &[]), noise, count, None)
-    }
-
-    /// The same of what could be in a cause's place; `but` is that cause and the fit with it, which is left out, and the others must
-    /// compete with its misfit.
-    pub fn rivals(
+    /// Fits the most promising additions to a model, at a noise; best first. `but` is a fit that is already in the
+    /// model's place; it is left out, and the others must compete with its misfit.
+    pub fn candidates(
         &self,
-        rest: &Model,
+        model: &Model,
         noise: Noise,
         count: usize,
-        (cause, fit): (usize, &Fit),
+        but: Option<(usize, &Fit)>,
     ) -> Result<Vec<Fit>> {
-        let scored = self.sums_at(rest, noise)?;
-        self.fitted(&self.ranked(&scored, &[]), noise, count, Some((cause, fit)))
+        self.fitted(&self.ranked(&self.sums_at(model, noise)?, &[]), noise, count, but)
     }
 
     /// The same of what was ranked.
@@ -54,7 +47,7 @@ impl Search<'_> {
         count: usize,
         but: Option<(usize, &Fit)>,
     ) -> Result<Vec<Fit>> {
-        let Ranked { model, group, start, active, screening } = ranked;
+        let Ranked { model, group, start, screening } = ranked;
         let chosen = self.most_promising(&screening.scores, count, but.map(|b| b.0));
         if chosen.is_empty() {
             return Ok(Vec::new());
@@ -79,7 +72,7 @@ impl Search<'_> {
         };
         // Where the linear model has all at its best: mostly a step from the end.
         let fitted_along = |score: &Score, hopeless: f64| {
-            let next = with(&active.model(start, &screening.moved_along(score)?), score, 1.0);
+            let next = with(&screening.active.model(start, &screening.moved_along(score)?), score, 1.0);
             let options = FitOptions { noise, steps: SOLVER.candidate_steps };
             let (problem, catalogue) = (&self.problem, self.catalogue);
             let mut fit = fit_below(problem, catalogue, group, &next, options, self.mask, hopeless).ok()?;

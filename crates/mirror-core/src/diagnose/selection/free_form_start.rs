@@ -19,30 +19,25 @@ pub(super) struct LinearChoice {
     pub gain: f64,
 }
 
-/// The most probable set of at most so many causes and free-form errors beside what a model has besides causes; it is looked for
+/// The most probable set of causes and free-form errors, at most as many as the search may find, beside what a model has besides causes; it is looked for
 /// from the causes found and from nothing. None where numbers overflow.
 ///
 /// # Errors
 /// Invalid parameters of the camera or mirror.
-pub(super) fn free_form_start(
-    wide: &Search<'_>,
-    found: &Found,
-    most_causes: usize,
-) -> Result<Option<LinearChoice>> {
+pub(super) fn free_form_start(wide: &Search<'_>, found: &Found) -> Result<Option<LinearChoice>> {
     let model = &found.fit.model;
     let scored = wide.sums_at(model, found.noise)?;
     let all: Vec<usize> = (0..model.terms.len()).collect();
     let (in_place, beside) = (wide.ranked(&scored, &all), wide.ranked(&scored, &[]));
     let competing = Competing::in_place_or_beside(&in_place.screening.scores, &beside.screening.scores);
-    let counts = |f: &usize| wide.mask.is_none_or(|m| m[*f]);
-    let frames: Vec<usize> = (0..wide.problem.frames.len()).filter(counts).collect();
-    let mut linear = LinearSearch::new((wide, model, found.noise), None, &competing, &[frames])?;
-    linear.most_causes = most_causes;
+    let mut linear = LinearSearch::new((wide, model, found.noise), None, &competing, &[wide.frames()])?;
+    linear.most_causes = wide.options.most_causes;
     let whole = linear.sum(&[1.0]);
     let best = || {
         let reduced = Reduced::of(&whole, &linear.always)?;
         let (own, nothing) = (linear.log_posterior(&reduced, &all)?, linear.log_posterior(&reduced, &[])?);
-        let starts = if all.len() <= most_causes { vec![all.clone(), Vec::new()] } else { vec![Vec::new()] };
+        let starts =
+            if all.len() <= linear.most_causes { vec![all.clone(), Vec::new()] } else { vec![Vec::new()] };
         let ends = starts.into_iter().filter_map(|start| {
             let set = linear.searched(&reduced, start)?;
             Some((linear.log_posterior(&reduced, &set)?, set))

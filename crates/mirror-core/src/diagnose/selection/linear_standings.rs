@@ -6,10 +6,9 @@
 //! has as many unknowns as there are causes. A cause and its alternatives are compared with discrepancy terms of the
 //! other causes' laws, not of its own.
 
-use crate::diagnose::effects::hypothesis::Model;
 use crate::diagnose::principles::{TEMPER, UNTHOUGHT_OF};
 use crate::diagnose::random_effects::geometric_tolerances::Geometry;
-use crate::diagnose::random_effects::law_discrepancy::with_slack;
+use crate::diagnose::random_effects::law_discrepancy::slack_of_each;
 use crate::diagnose::selection::competing::Competing;
 use crate::diagnose::selection::linear_search::LinearSearch;
 use crate::diagnose::selection::reduced_equations::Reduced;
@@ -43,10 +42,10 @@ pub(super) fn linear_standings(
             promising.iter().map(|s| (s.hypothesis, s.variant)).filter(|r| r.0 != term.hypothesis).collect()
         });
     }
-    let frames = (0..search.problem.frames.len()).filter(|&f| search.mask.is_none_or(|m| m[f])).collect();
     let competing = Competing::all(rivals.iter().flatten().copied());
-    let linear = LinearSearch::new((search, model, found.noise), Some(geometry), &competing, &[frames])?;
-    let own_slack = slack_of_each(search, model, linear.first_group);
+    let linear =
+        LinearSearch::new((search, model, found.noise), Some(geometry), &competing, &[search.frames()])?;
+    let own_slack = slack_of_each(&search.problem, search.catalogue, model, linear.first_group);
     let equations = linear.sum(&[1.0]);
     let eliminated: Vec<usize> =
         linear.always.iter().copied().filter(|i| !own_slack.iter().any(|own| own.contains(i))).collect();
@@ -58,22 +57,6 @@ pub(super) fn linear_standings(
         })
     };
     Ok((0..model.terms.len()).map(of_term).collect())
-}
-
-/// Where each cause's discrepancy terms are among the parameters.
-fn slack_of_each(search: &Search<'_>, model: &Model, first_group: usize) -> Vec<Range<usize>> {
-    let columns = |in_question: Option<usize>| {
-        with_slack(&search.problem, search.catalogue, &search.group, model, in_question).columns.len()
-    };
-    let all = columns(None);
-    let each: Vec<usize> = (0..model.terms.len()).map(|i| all - columns(Some(i))).collect();
-    let mut at = first_group + all - each.iter().sum::<usize>();
-    each.into_iter()
-        .map(|count| {
-            at += count;
-            at - count..at
-        })
-        .collect()
 }
 
 /// The probability of a cause, of alternatives in its place, and of nothing there; none where numbers overflow.

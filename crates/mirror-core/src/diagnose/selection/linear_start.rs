@@ -33,10 +33,9 @@ pub(crate) fn linear_start(
     alone: &[Term],
 ) -> Result<Model> {
     let ranking = search.scores(start, noise)?;
-    let counts = |f: &usize| search.mask.is_none_or(|m| m[*f]);
-    let frames: Vec<usize> = (0..search.problem.frames.len()).filter(counts).collect();
     let competing = Competing::with_found(alone, &ranking);
-    let mut linear = LinearSearch::new((search, start, noise), Some(geometry), &competing, &[frames])?;
+    let mut linear =
+        LinearSearch::new((search, start, noise), Some(geometry), &competing, &[search.frames()])?;
     // In each round some are added to those of the round before: no more than any search may find.
     linear.most_causes = search.options.most_causes;
     let whole = linear.sum(&[1.0]);

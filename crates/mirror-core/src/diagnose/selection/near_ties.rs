@@ -57,7 +57,7 @@ fn likelier_with(search: &Search<'_>, found: &Found, at: usize, other: Term) -> 
     rest.terms.push(other);
     let here = search.fit_with_slack(&found.fit.model, Some(at), found.noise, 0)?;
     let exchanged = search.fit(&rest, found.noise, SOLVER.candidate_steps)?;
-    let more = search.candidates(&exchanged.model, found.noise, 1)?;
+    let more = search.candidates(&exchanged.model, found.noise, 1, None)?;
     let likelier = |fit: &Fit| search.log_posterior(fit) > search.log_posterior(&here) + LEAST_LOG_ODDS;
     Ok(more.into_iter().find(likelier).map(|fit| fit.model))
 }

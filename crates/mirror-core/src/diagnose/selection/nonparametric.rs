@@ -181,7 +181,7 @@ fn searched_beside<'a>(
         let result = beside.run(start.clone())?;
         Ok((beside, result))
     };
-    if enough && let Some(choice) = free_form_start(wide, found, wide.options.most_causes)? {
+    if enough && let Some(choice) = free_form_start(wide, found)? {
         let in_reach = choice.log_odds > -(LEAST_REACH + REACH * choice.gain.max(0.0));
         return if choice.has_free && in_reach { from(&choice.model).map(Some) } else { Ok(None) };
     }

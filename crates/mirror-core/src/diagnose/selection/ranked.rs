@@ -1,11 +1,11 @@
 //! What the score test tells of a model, or of a model without some of its causes.
 
 use crate::diagnose::effects::hypothesis::Model;
-use crate::diagnose::likelihood::fit::{Active, Group};
+use crate::diagnose::likelihood::fit::Group;
 use crate::diagnose::likelihood::score_sums::ScoreSums;
 use crate::diagnose::likelihood::score_test::{Screening, scored};
 use crate::diagnose::model::problem::Noise;
-use crate::diagnose::random_effects::law_discrepancy::slack_counts;
+use crate::diagnose::random_effects::law_discrepancy::slack_of_each;
 use crate::diagnose::selection::scored_model::ScoredModel;
 use crate::diagnose::selection::search::Search;
 use crate::error::Result;
@@ -17,7 +17,6 @@ pub(super) struct Ranked {
     /// The same with room for the values of the laws' discrepancy terms, which the group has.
     pub start: Model,
     pub group: Group,
-    pub active: Active,
     pub screening: Screening,
 }
 
@@ -30,7 +29,8 @@ impl Search<'_> {
         let (problem, catalogue) = (&self.problem, self.catalogue);
         let (group, start) = self.loosened(model, None);
         let sums = ScoreSums::at(problem, catalogue, &group, &start, noise, self.mask)?;
-        Ok(ScoredModel::new(model, noise, sums, slack_counts(problem, catalogue, model)))
+        let slack = slack_of_each(problem, catalogue, model, sums.active.first_group);
+        Ok(ScoredModel::new(model, noise, sums, slack))
     }
 
     /// The sums at a model: those at hand if they are its own, else summed anew.
@@ -58,11 +58,10 @@ impl Search<'_> {
         let known: Vec<usize> = model.terms.iter().map(|t| t.hypothesis).collect();
         let screening = scored(&of.sums, self.catalogue, &known, &of.columns_of(out));
         let (group, mut start) = self.loosened(&model, None);
-        let active = Active::of(&self.problem, self.catalogue, &group, &start);
         if !out.is_empty()
             && let Some(values) = screening.at_rest()
         {
-            let mut moved = Model { planes: None, ..active.model(&start, &values) };
+            let mut moved = Model { planes: None, ..screening.active.model(&start, &values) };
             moved.group.truncate(model.group.len());
             if self.can_be(&moved) {
                 start = moved.clone();
@@ -70,6 +69,6 @@ impl Search<'_> {
                 model = moved;
             }
         }
-        Ranked { model, start, group, active, screening }
+        Ranked { model, start, group, screening }
     }
 }

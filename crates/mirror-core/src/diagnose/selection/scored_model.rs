@@ -6,6 +6,7 @@ use crate::diagnose::likelihood::linearised::Linearised;
 use crate::diagnose::likelihood::score_sums::ScoreSums;
 use crate::diagnose::model::problem::Noise;
 use crate::diagnose::principles::Guard;
+use core::ops::Range;
 
 /// Sums serve at another noise that differs by less than this share: hypotheses are ranked with them, not fitted.
 const SAME_NOISE: Guard = 0.02;
@@ -20,21 +21,18 @@ pub(super) struct ScoredModel {
 }
 
 struct Own {
-    parameters: Vec<usize>,
-    slack: Vec<usize>,
+    parameters: Range<usize>,
+    slack: Range<usize>,
 }
 
 impl ScoredModel {
-    /// A model with its sums; `slack` is how many discrepancy terms each cause has.
-    pub fn new(model: &Model, noise: Noise, sums: ScoreSums, slack: Vec<usize>) -> Self {
-        let (mut slack_at, mut at) = (sums.active.first_group + model.group.len(), sums.active.first_term);
+    /// A model with its sums, and where each cause's discrepancy terms are.
+    pub fn new(model: &Model, noise: Noise, sums: ScoreSums, slack: Vec<Range<usize>>) -> Self {
+        let mut at = sums.active.first_term;
         let own = model.terms.iter().zip(slack).map(|(term, slack)| {
-            let own = Own {
-                parameters: (at..at + term.parameters.len()).collect(),
-                slack: (slack_at..slack_at + slack).collect(),
-            };
-            (at, slack_at) = (at + term.parameters.len(), slack_at + slack);
-            own
+            let parameters = at..at + term.parameters.len();
+            at = parameters.end;
+            Own { parameters, slack }
         });
         let own = own.collect();
         Self { model: model.clone(), noise, sums, own }
@@ -53,16 +51,16 @@ impl ScoredModel {
 
     /// The columns of some causes and of their laws' discrepancy terms.
     pub fn columns_of(&self, causes: &[usize]) -> Vec<usize> {
-        let own = |&i: &usize| self.own[i].parameters.iter().chain(&self.own[i].slack).copied();
+        let own = |&i: &usize| self.own[i].parameters.clone().chain(self.own[i].slack.clone());
         causes.iter().flat_map(own).collect()
     }
 
     /// The model's normal equations without the discrepancy terms of the i-th cause's law, and where that cause's
     /// parameters are; none where the sums see more of the boards than a fit of the model does.
-    pub fn in_question(&self, i: usize) -> Option<(Linearised, core::ops::Range<usize>)> {
+    pub fn in_question(&self, i: usize) -> Option<(Linearised, Range<usize>)> {
         let (own, sums) = (&self.own[i], &self.sums);
         let kept: Vec<usize> = (0..sums.active.values.len()).filter(|k| !own.slack.contains(k)).collect();
-        let first = own.parameters.first()? - own.slack.len();
+        let first = own.parameters.start - own.slack.len();
         let of = Linearised::among((&sums.h, &sums.g, sums.cost), &sums.active, &kept);
         sums.comparable.then_some((of, first..first + own.parameters.len()))
     }

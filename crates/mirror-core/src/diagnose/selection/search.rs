@@ -8,6 +8,7 @@ use crate::diagnose::likelihood::fit::{Fit, FitOptions, Group, fit, fit_below};
 use crate::diagnose::likelihood::joint_scatter::{Scatter, Widening};
 use crate::diagnose::likelihood::linearised::Linearised;
 use crate::diagnose::likelihood::noise::effective_from;
+use crate::diagnose::likelihood::normal_equations::counts;
 use crate::diagnose::likelihood::probability::{tempered, unfinished};
 use crate::diagnose::model::problem::{Noise, Problem};
 use crate::diagnose::model::solver::SOLVER;
@@ -142,6 +143,11 @@ impl Search<'_> {
     /// Whether a model's camera and mirror can be: a linear model may lead to a focal length below zero.
     pub fn can_be(&self, model: &Model) -> bool {
         self.problem.eye(&self.deformation(model)).is_ok()
+    }
+
+    /// The frames that count.
+    pub fn frames(&self) -> Vec<usize> {
+        (0..self.problem.frames.len()).filter(|&frame| counts(self.mask, frame)).collect()
     }
 
     /// The measured noise as the views of one posture show it.

@@ -5,10 +5,10 @@
 //! others cannot.
 
 use super::mistake::Mistake;
-use super::verify::smaller;
+use super::verify::{all_at_once, smaller};
 use crate::diagnose::effects::hypothesis::{Catalogue, Model};
 use crate::diagnose::effects::{Effect, vocabulary};
-use crate::diagnose::likelihood::fit::{Active, FitOptions, Group, fit};
+use crate::diagnose::likelihood::fit::{FitOptions, Group, fit};
 use crate::diagnose::likelihood::noise::effective;
 use crate::diagnose::likelihood::score_test::screen;
 use crate::diagnose::model::problem::{Noise, Problem};
@@ -29,10 +29,14 @@ const MOUNTS: [&str; 4] = ["board_mount", "camera_mount", "marker_mount", "joint
 /// Invalid parameters of camera or mirror.
 pub(super) fn turned_gravity(problem: &Problem) -> Result<Option<(Mistake, f64)>> {
     let exact = Beside { group: Group::default(), start: Model::nominal(problem) };
-    Ok(match turned_beside(problem, &exact)? {
-        Some(found) => Some(found),
-        None => turned_beside(problem, &Beside::mounts(problem)?)?,
-    })
+    // Where nothing is to be explained mounts need not be fitted.
+    let Some(noise) = exact.gap(problem)? else { return Ok(None) };
+    if let Some(found) = turned_beside(problem, &exact, noise)? {
+        return Ok(Some(found));
+    }
+    let mounts = Beside::mounts(problem)?;
+    let Some(noise) = mounts.gap(problem)? else { return Ok(None) };
+    turned_beside(problem, &mounts, noise)
 }
 
 /// What is free besides a cause, and where its fit starts.
@@ -46,14 +50,7 @@ impl Beside {
     fn mounts(problem: &Problem) -> Result<Self> {
         let effects = vocabulary().into_iter().filter(|e| MOUNTS.contains(&e.name()));
         let catalogue = Catalogue::new(&problem.scene, effects.map(Arc::from).collect(), &[]);
-        let mut group = Group::default();
-        for hypothesis in 0..catalogue.hypotheses.len() {
-            let entry = &catalogue.hypotheses[hypothesis];
-            let zero = vec![0.0; entry.prior_std.len()];
-            let effect = catalogue.effect(hypothesis);
-            group.columns.extend(effect.columns(&problem.scene, entry.place, 0.0, &zero));
-            group.prior_std.extend(&entry.prior_std);
-        }
+        let group = all_at_once(problem, &catalogue);
         let mut start = Model::nominal(problem);
         start.group = vec![0.0; group.columns.len()];
         for _ in 0..SOLVER.rounds {
@@ -64,17 +61,20 @@ impl Beside {
         }
         Ok(Self { group, start })
     }
+
+    /// The noise at which what is left would be as large as it is; none where that is no gap.
+    fn gap(&self, problem: &Problem) -> Result<Option<Noise>> {
+        let none = Catalogue::new(&problem.scene, Vec::new(), &[]);
+        let deformation = self.start.deformation(problem, &none, &self.group.columns);
+        let noise = effective(problem, &deformation, problem.noise, None)?;
+        Ok((problem.of_observations(noise) >= A_GAP * problem.of_observations(problem.noise))
+            .then_some(noise))
+    }
 }
 
-fn turned_beside(problem: &Problem, beside: &Beside) -> Result<Option<(Mistake, f64)>> {
+fn turned_beside(problem: &Problem, beside: &Beside, noise: Noise) -> Result<Option<(Mistake, f64)>> {
     let Some(down) = problem.scene.gravity.try_normalize(1e-9) else { return Ok(None) };
     let nominal = problem.nominal();
-    let none = Catalogue::new(&problem.scene, Vec::new(), &[]);
-    let deformation = beside.start.deformation(problem, &none, &beside.group.columns);
-    let noise = effective(problem, &deformation, problem.noise, None)?;
-    if problem.of_observations(noise) < A_GAP * problem.of_observations(problem.noise) {
-        return Ok(None);
-    }
     let Some(stated) = best(problem.clone(), vocabulary(), beside, noise)? else { return Ok(None) };
     let across = down.cross(&if down.x.abs() < 0.8 { Vector3::x() } else { Vector3::y() }).normalize();
     let other = down.cross(&across);
@@ -168,8 +168,8 @@ fn best(
     // What is free already is no cause.
     let is_free = |h: usize| !group.columns.is_empty() && MOUNTS.contains(&catalogue.effect(h).name());
     let Some(score) = screening.scores.iter().find(|s| !is_free(s.hypothesis)) else { return Ok(None) };
-    let active = Active::of(&problem, &catalogue, &group, model);
-    let moved = screening.moved_along(score).map_or_else(|| model.clone(), |v| active.model(model, &v));
+    let along = screening.moved_along(score).map(|values| screening.active.model(model, &values));
+    let moved = along.unwrap_or_else(|| model.clone());
     let mut with = moved.with(&catalogue, score.hypothesis, score.variant);
     if let Some(term) = with.terms.last_mut() {
         let positive = catalogue.effect(score.hypothesis).is_positive();

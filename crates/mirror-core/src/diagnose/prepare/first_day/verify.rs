@@ -105,18 +105,7 @@ impl Tolerant {
         further: Vec<(Column, f64, f64)>,
     ) -> Self {
         let catalogue = catalogue_without(problem, without);
-        let mut group = Group::default();
-        for h in 0..catalogue.hypotheses.len() {
-            let count = catalogue.hypotheses[h].prior_std.len();
-            let term = Term {
-                hypothesis: h,
-                variant: catalogue.hypotheses[h].variants.first().copied().unwrap_or(0.0),
-                parameters: vec![0.0; count],
-                prior_scale: 1.0,
-            };
-            group.columns.extend(catalogue.columns(&problem.scene, &term));
-            group.prior_std.extend(&catalogue.hypotheses[h].prior_std);
-        }
+        let mut group = all_at_once(problem, &catalogue);
         let first_further = group.columns.len();
         let mut starts = Vec::new();
         for (column, std, start) in further {
@@ -334,6 +323,22 @@ impl Tolerant {
 fn catalogue_without(problem: &Problem, without: &[String]) -> Catalogue {
     let seen = vocabulary().into_iter().filter(|effect| !effect.is_of_detection());
     Catalogue::new(&problem.scene, seen.map(Arc::from).collect(), without)
+}
+
+/// All hypotheses of a catalogue as random effects of their usual sizes.
+pub(super) fn all_at_once(problem: &Problem, catalogue: &Catalogue) -> Group {
+    let mut group = Group::default();
+    for (hypothesis, entry) in catalogue.hypotheses.iter().enumerate() {
+        let term = Term {
+            hypothesis,
+            variant: entry.variants.first().copied().unwrap_or(0.0),
+            parameters: vec![0.0; entry.prior_std.len()],
+            prior_scale: 1.0,
+        };
+        group.columns.extend(catalogue.columns(&problem.scene, &term));
+        group.prior_std.extend(&entry.prior_std);
+    }
+    group
 }
 
 /// The names of all effects but these.
