@@ -23,6 +23,23 @@ fn urdf_with_the_board_off(world: &World) -> String {
     format!("{}{}{}", &urdf[..start], moved.join(" "), &urdf[end..])
 }
 
+/// Camera, markers and the joints' zeros a little off.
+fn mounted_by_hand(world: &World, seed: u64) -> Vec<Wrong> {
+    let mut random = ChaCha8Rng::seed_from_u64(seed);
+    let mut some = |size: f64| random.random_range(-1.7 * size..1.7 * size);
+    let mut wrong = vec![Wrong::CameraMount([
+        some(0.015),
+        some(0.015),
+        some(0.015),
+        some(0.003),
+        some(0.003),
+        some(0.003),
+    ])];
+    wrong.extend((0..world.markers.len()).map(|m| Wrong::Mount(m, [some(0.002), some(0.002), some(0.002)])));
+    wrong.extend((0..world.bones.len()).map(|b| Wrong::Offset(b, some(ZEROS_RAD))));
+    wrong
+}
+
 /// A session mounted by hand, with a further cause.
 fn by_hand(seed: u64, cause: Option<Wrong>) -> Diagnosis {
     by_hand_as_told(seed, cause, |_| ())
@@ -31,19 +48,8 @@ fn by_hand(seed: u64, cause: Option<Wrong>) -> Diagnosis {
 /// The same, with something told otherwise than it was.
 fn by_hand_as_told(seed: u64, cause: Option<Wrong>, tell: impl Fn(&mut Recording)) -> Diagnosis {
     let world = World::new(4, false);
-    let mut random = ChaCha8Rng::seed_from_u64(seed);
-    let mut some = |size: f64| random.random_range(-1.7 * size..1.7 * size);
     let mut wrong: Vec<Wrong> = cause.into_iter().collect();
-    wrong.push(Wrong::CameraMount([
-        some(0.015),
-        some(0.015),
-        some(0.015),
-        some(0.003),
-        some(0.003),
-        some(0.003),
-    ]));
-    wrong.extend((0..world.markers.len()).map(|m| Wrong::Mount(m, [some(0.002), some(0.002), some(0.002)])));
-    wrong.extend((0..world.bones.len()).map(|b| Wrong::Offset(b, some(ZEROS_RAD))));
+    wrong.extend(mounted_by_hand(&world, seed));
     let mut recording = world.record(&Plan { postures: 50, seed, wrong, ..Plan::default() });
     tell(&mut recording);
     let robot = Robot::from_urdf_str(&urdf_with_the_board_off(&world)).unwrap();
@@ -152,4 +158,40 @@ fn gravity_upside_down_is_told_where_parts_are_mounted_by_hand() {
     }
     let found = by_hand(5, None);
     assert!(found.causes.iter().all(|c| c.effect != "gravity_direction"), "{:?}", names(&found));
+}
+
+/// The first estimate of a slip, beside mounts that are not known yet, is a little off. Held there, that error was told as a length of the
+/// base, which the board's mount cancels; and with a noise that is stated too small a slip of the camera was not told at all.
+#[test]
+fn what_slips_is_told_with_its_motion_beside_a_set_up_by_hand() {
+    let board = [0.028, 0.0, 0.004, 0.003, -0.0015, -0.004];
+    let camera = [-0.016, -0.002, -0.005, -0.005, -0.002, -0.008];
+    let first = 45;
+    for (seed, what, motion) in [(21, "board", board), (22, "camera", camera), (23, "board", camera)] {
+        let world = World::new(4, true);
+        let before = mounted_by_hand(&world, seed);
+        let mut after = before.clone();
+        if what == "board" {
+            after.push(Wrong::BoardMount(motion));
+        } else if let Wrong::CameraMount(mount) = &mut after[0] {
+            mount.iter_mut().zip(motion).for_each(|(m, d)| *m += d);
+        }
+        let record =
+            |wrong| world.record(&Plan { postures: 60, seed, noise_px: 0.28, wrong, ..Plan::default() });
+        let (mut recording, slipped) = (record(before), record(after));
+        for (frame, later) in recording.frames.iter_mut().zip(&slipped.frames).skip(first) {
+            frame.sightings.clone_from(&later.sightings);
+        }
+        recording.pixel_std_px = Some(0.16);
+        let robot = Robot::from_urdf_str(&urdf_with_the_board_off(&world)).unwrap();
+        let found = diagnose(&robot, &recording, &DiagnoseOptions::default(), &[]).unwrap();
+        assert!(of_robot(&found).is_empty(), "{seed}: {:?} {:#?}", names(&found), found.trace);
+        let slip = found.causes.iter().find(|c| c.effect == "slip").unwrap();
+        assert_eq!((slip.at.as_str(), slip.parameters["first_frame"].value), (what, first as f64));
+        for (name, want) in ["rx_rad", "ry_rad", "rz_rad", "dx_m", "dy_m", "dz_m"].iter().zip(motion) {
+            let got = slip.parameters[*name];
+            assert!((got.value - want).abs() < 4.0 * got.std + 4e-4, "{seed} {name}: {got:?}, put in {want}");
+            assert!(got.std < 4e-3, "{seed} {name}: {got:?}");
+        }
+    }
 }

@@ -27,7 +27,6 @@ use crate::diagnose::report::reservations::{
 use crate::diagnose::report::rounded_positions::positions_are_rounded;
 use crate::diagnose::report::seen_markers::seen_markers;
 use crate::diagnose::report::spoilt_column::column_is_spoilt;
-use crate::diagnose::selection::beside_slips::settle_slips;
 use crate::diagnose::selection::correlated_noise::allow_for_correlation;
 use crate::diagnose::selection::erratic_joint::column_says_nothing;
 use crate::diagnose::selection::extended_models::extend_models;
@@ -82,7 +81,7 @@ pub(crate) struct Outcome {
 /// # Errors
 /// A recording that is not valid, links that do not exist, invalid parameters of the camera.
 pub(crate) fn diagnose(
-    mut prepared: Prepared,
+    prepared: Prepared,
     robot: &Robot,
     recording: &Recording,
     options: &DiagnoseOptions,
@@ -109,9 +108,6 @@ pub(crate) fn diagnose(
         mask: part.as_deref(),
         ties: Vec::new(),
     };
-    for (slip, std) in settle_slips(&mut search, &nominal)? {
-        prepared.moved(&search.problem, slip, std)?;
-    }
     let plain = search.clone();
     let (mut found, setup, extended) = match prepared.lost() {
         Some(lost) => {

@@ -310,7 +310,14 @@ impl Column {
                     }
                 }
             },
-            Atom::BoardMount(k) => deformation.board_mount[k] += value,
+            Atom::BoardMount(k) => match &self.weight {
+                Weight::One => deformation.board_mount[k] += value,
+                weight => {
+                    for f in 0..scene.frames {
+                        deformation.add_board_sway(f, k, value * weight.at(scene, f));
+                    }
+                }
+            },
             Atom::Focal => match &self.weight {
                 Weight::One => deformation.focal_scale_error += value,
                 weight => {

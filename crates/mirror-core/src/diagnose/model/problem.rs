@@ -267,7 +267,7 @@ impl Problem {
     }
 
     fn moves_board_alone(&self, deformation: &Deformation) -> bool {
-        deformation.board_mount != nalgebra::Vector6::zeros() && !self.camera_beside_board()
+        deformation.moves_board() && !self.camera_beside_board()
     }
 
     /// [`Problem::needs_fresh_board`] for one frame, without looking at the others.

@@ -12,6 +12,13 @@ pub(crate) enum Slipped {
     Camera,
 }
 
+impl Slipped {
+    /// Its first entry in a motion (rotation vector, shift): of a marker only the shift is seen.
+    pub fn first_number(self) -> usize {
+        if matches!(self, Self::Marker(_)) { 3 } else { 0 }
+    }
+}
+
 /// A slip: real = nominal ∘ (Exp ω, v) from frame `first` on. For a marker v is in the frame of its mount's link,
 /// without ω.
 #[derive(Debug, Clone, Copy, PartialEq)]

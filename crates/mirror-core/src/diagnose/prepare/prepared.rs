@@ -1,7 +1,7 @@
 //! A session ready for the search: gross mistakes undone, the noise known, slipped rows left out.
 
 use super::boards::leave_out_wrong_grids;
-use super::first_day::{self, Doubt, Lost, Memory, Mistake, Step, Undone};
+use super::first_day::{self, Doubt, Lost, Memory, Step, Undone};
 use super::first_result::FirstResult;
 use super::options::DiagnoseOptions;
 use super::row_slip::{self, Slip};
@@ -11,7 +11,6 @@ use crate::diagnose::likelihood::noise;
 use crate::diagnose::model::problem::{Noise, Problem};
 use crate::error::Result;
 use crate::robot::Robot;
-use nalgebra::Vector6;
 
 /// A session ready for the search.
 pub(crate) struct Prepared {
@@ -77,25 +76,6 @@ impl Prepared {
             problem.noise = noise::estimate(&problem, &nominal, stated)?;
         }
         Ok(Self { given, arranged, problem, stated, slip, left_out, undone })
-    }
-
-    /// Takes over the size of a slip, estimated again together with causes in a problem of the search.
-    ///
-    /// # Errors
-    /// Invalid parameters of camera or mirror.
-    pub fn moved(&mut self, problem: &Problem, which: usize, std: Vector6<f64>) -> Result<()> {
-        self.arranged.slips.clone_from(&problem.slips);
-        self.arranged.fit_boards()?;
-        let Some(undone) = &mut self.undone else { return Ok(()) };
-        let mistake = Mistake::Slip { slip: problem.slips[which], std };
-        let told = first_day::reported(&mistake, &undone.robot, &undone.recording, problem, 1.0);
-        for new in told {
-            let same = |old: &&mut Cause| old.effect == new.effect && old.at == new.at;
-            if let Some(old) = undone.told.iter_mut().find(same) {
-                old.parameters = new.parameters;
-            }
-        }
-        Ok(())
     }
 
     /// The robot with its mistakes undone.

@@ -1,7 +1,6 @@
 //! Model selection: prior and posterior odds, the search and its moves, alternatives.
 
 pub(super) mod alternatives;
-pub(super) mod beside_slips;
 mod candidates;
 pub(super) mod competing;
 pub(super) mod correlated_noise;

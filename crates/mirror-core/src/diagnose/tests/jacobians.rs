@@ -6,7 +6,7 @@ use crate::diagnose::effects::hypothesis::{Catalogue, Term};
 use crate::diagnose::effects::vocabulary;
 use crate::diagnose::likelihood::normal_equations::inner;
 use crate::diagnose::model::deformation::Deformation;
-use crate::diagnose::model::elementary::{Atom, Column};
+use crate::diagnose::model::elementary::{Atom, Column, Weight};
 use crate::diagnose::model::frame::{FrameWork, PROJECTED, Task, Wanted};
 use crate::diagnose::model::free_values::ASTIGMATISM;
 use crate::diagnose::model::problem::Problem;
@@ -58,6 +58,8 @@ fn somewhere(problem: &Problem) -> Deformation {
     d.glass_thickness_m = 0.002;
     d.curvature_per_m = 0.004;
     d.add_camera_sway(1, 2, 0.003);
+    d.add_board_sway(0, 1, 0.004);
+    d.add_board_sway(3, 4, 0.002);
     d.add_focal_wander(2, 0.002);
     d
 }
@@ -133,11 +135,21 @@ fn every_atoms_column_is_the_derivative_of_the_exact_model() {
         let work = evaluated(&problem, &deformation, frame);
         let off = off_plane(&work);
         let mut checked = 0;
-        for atom in atoms(&problem) {
+        let always = |atom| Column::constant(atom);
+        let from_here = |atom| {
+            let since = (0..problem.frames.len()).map(|f| f64::from(u8::from(f >= frame)));
+            Column { atom, weight: Weight::Frames(since.collect()) }
+        };
+        // What can slip: the board, the camera and markers move from a frame on.
+        let slips =
+            |a: &Atom| matches!(a, Atom::BoardMount(_) | Atom::CameraMount(_) | Atom::MarkerShift(..));
+        let all = atoms(&problem);
+        for by in all.iter().copied().map(always).chain(all.iter().copied().filter(slips).map(from_here)) {
+            let atom = by.atom;
             let h = if matches!(atom, Atom::Center(_) | Atom::MarkerImage(_, 0)) { 0.05 } else { 1e-5 };
             let moved = |sign: f64| {
                 let mut d = deformation.clone();
-                Column::constant(atom).add(sign * h, &problem.scene, &mut d);
+                by.add(sign * h, &problem.scene, &mut d);
                 let work = evaluated(&problem, &d, frame);
                 rows(&work, &work.residual)
             };
@@ -153,7 +165,7 @@ fn every_atoms_column_is_the_derivative_of_the_exact_model() {
             let bends = matches!(atom, Atom::Bend(_) | Atom::Turn(..) | Atom::Across(..) | Atom::Rock(..));
             let tolerance = if bends { 1e-2 } else { 1e-3 };
             let miss = (&difference - &claimed).norm() / scale;
-            assert!(miss < tolerance, "{atom:?} in frame {frame}: {miss:e} of {scale:e}");
+            assert!(miss < tolerance, "{by:?} in frame {frame}: {miss:e} of {scale:e}");
         }
         assert!(checked > 60, "{checked}");
     }

@@ -27,7 +27,7 @@ impl FrameWork {
     /// The velocity field of the board's mount: of `nominal ∘ (Exp ω, t)` by ω or t.
     fn board_twist(&self, problem: &Problem, deformation: &Deformation, k: usize) -> Option<Twist> {
         let actual = self.world_from_board(&problem.board_in(self.frame)?);
-        let turn = deformation.board_mount.fixed_rows::<3>(0).into_owned();
+        let turn = deformation.board_mount_in(self.frame).fixed_rows::<3>(0).into_owned();
         if k < 3 {
             // Exp(ω + dω) = Exp(ω) Exp(J_r dω).
             let by_turn = crate::geometry::rotation::right_jacobian(&turn);

@@ -198,13 +198,11 @@ impl FrameWork {
         self.points_each = 0;
         self.markers.posed = false;
         self.root = self.poses.site(&problem.scene.body.root);
-        self.board_moved = problem
-            .board_in(self.frame)
-            .filter(|_| deformation.board_mount != Vector6::zeros())
-            .map(|board| {
-                let world_from_board = self.poses.site(&board);
-                moved(&world_from_board, &deformation.board_mount).then(&world_from_board.inverse())
-            });
+        let mount = deformation.board_mount_in(frame);
+        self.board_moved = problem.board_in(frame).filter(|_| mount != Vector6::zeros()).map(|board| {
+            let world_from_board = self.poses.site(&board);
+            moved(&world_from_board, &mount).then(&world_from_board.inverse())
+        });
     }
 
     /// The board's actual pose in the world.

@@ -15,7 +15,7 @@ use super::by_frame::{Place, What, markers, moved, zeros};
 use super::hysteresis::{self, OfJoint};
 use super::mistake::Mistake;
 use super::verify::{Tolerant, smaller};
-use crate::diagnose::likelihood::noise::effective;
+use crate::diagnose::likelihood::noise::{effective, estimate};
 use crate::diagnose::likelihood::saturated::FREE_STD;
 use crate::diagnose::model::body::NodeId;
 use crate::diagnose::model::deformation::Deformation;
@@ -126,15 +126,15 @@ pub(super) fn find(
         }
         tried.push(settled);
     }
-    // If the model with the slip is still far from the noise, something else is wrong, and a step absorbs part of it.
-    tried.retain(|(_, fit)| size(fit.noise) <= ABOVE_SCATTER * size(least));
-    if tried.is_empty() {
-        return Ok(None);
-    }
     let noise = tried.iter().map(|t| t.1.noise).fold(without.noise, smaller);
     let alone = without.log_evidence(noise)?;
     let mut found: Option<(f64, Best, Tolerant)> = None;
     for (best, mut fit) in tried {
+        // If the model with the slip is still far from the noise, something else is wrong, and a step absorbs part of it.
+        let noise_of_views = estimate(fit.problem(), &fit.deformation(), least)?;
+        if size(fit.noise) > ABOVE_SCATTER * size(least).max(size(noise_of_views)) {
+            continue;
+        }
         let odds = fit.log_evidence(noise)? - alone;
         if odds > found.as_ref().map_or(BEYOND_DOUBT, |f| f.0) {
             found = Some((odds, best, fit));
@@ -224,7 +224,7 @@ fn polished(
 ///
 /// # Errors
 /// Invalid parameters of camera or mirror.
-pub(crate) fn settle_slip(
+fn settle_slip(
     problem: &mut Problem,
     model: &Deformation,
     least: Noise,

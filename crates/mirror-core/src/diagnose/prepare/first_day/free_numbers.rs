@@ -1,15 +1,18 @@
-//! The parameters of a mistake that are estimated again together with the causes: a zero, a ratio, a delay, a crop.
+//! The parameters of a mistake that are estimated again together with the causes: a zero, a ratio, a delay, a crop, a
+//! slip's motion.
 
 use super::mistake::{Mistake, UNITS, in_time};
-use super::reported::row_step_s;
+use super::reported::{MOTION, row_step_s, what_slipped};
 use super::variant::{Variant, seen_joints};
 use crate::diagnose::data::recording::Recording;
 use crate::diagnose::effects::camera_center::CameraCenter;
 use crate::diagnose::effects::{Effect, Place};
+use crate::diagnose::likelihood::saturated::FREE_STD;
 use crate::diagnose::model::body::NodeId;
 use crate::diagnose::model::elementary::{Atom, Column, Weight};
 use crate::diagnose::model::mistake_parameters::MistakeParameter;
 use crate::diagnose::model::problem::Problem;
+use crate::diagnose::model::slips::Slipped;
 use crate::diagnose::model::solver::SOLVER;
 use crate::diagnose::principles::Prior;
 
@@ -80,6 +83,27 @@ impl Mistake {
                     return all.collect();
                 }
                 all.map(|one| MistakeParameter { at: "robot".into(), ..one }).collect()
+            }
+            // To first order: what is added here turns and shifts the part where it slipped to.
+            Self::Slip { slip, .. } => {
+                let after = (0..problem.frames.len()).map(|f| f64::from(u8::from(f >= slip.first)));
+                let weight = Weight::Frames(after.collect());
+                let part = |k: usize| MistakeParameter {
+                    column: Column {
+                        atom: match slip.what {
+                            Slipped::Marker(m) => Atom::MarkerShift(m, k - 3),
+                            Slipped::Board => Atom::BoardMount(k),
+                            Slipped::Camera => Atom::CameraMount(k),
+                        },
+                        weight: weight.clone(),
+                    },
+                    std: FREE_STD,
+                    effect: self.effect().into(),
+                    at: what_slipped(slip.what, problem),
+                    parameter: MOTION[k].into(),
+                    unit: 1.0,
+                };
+                (slip.what.first_number()..6).map(part).collect()
             }
             _ => Vec::new(),
         }

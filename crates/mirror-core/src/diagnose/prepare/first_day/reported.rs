@@ -13,12 +13,12 @@ use core::f64::consts::FRAC_PI_2;
 use std::collections::BTreeMap;
 
 /// A motion's parameters.
-const MOTION: [&str; 6] = ["rx_rad", "ry_rad", "rz_rad", "dx_m", "dy_m", "dz_m"];
+pub(super) const MOTION: [&str; 6] = ["rx_rad", "ry_rad", "rz_rad", "dx_m", "dy_m", "dz_m"];
 /// Numbers found by golden sections on a loss of many observations, relative.
 const REFINED_STD: Prior = 0.01;
 
 /// Causes of a mistake: one, or one for each pair of exchanged joints.
-pub(crate) fn reported(
+pub(super) fn reported(
     mistake: &Mistake,
     robot: &Robot,
     recording: &Recording,
@@ -175,15 +175,10 @@ pub(crate) fn reported(
         Mistake::Slip { slip, std } => {
             let first = number(slip.first) as f64;
             let mut parameters = vec![("first_frame", first, WHOLE_STD)];
-            let at = match slip.what {
-                Slipped::Marker(m) => marker(m),
-                Slipped::Board => "board".to_owned(),
-                Slipped::Camera => "camera".to_owned(),
-            };
-            let from = if matches!(slip.what, Slipped::Marker(_)) { 3 } else { 0 };
-            for k in from..6 {
+            for k in slip.what.first_number()..6 {
                 parameters.push((MOTION[k], slip.motion[k], std[k]));
             }
+            let at = what_slipped(slip.what, problem);
             vec![cause("slip", at, &parameters, "from a row on it has another place")]
         }
         Mistake::Hung { first, last } => {
@@ -200,6 +195,15 @@ pub(crate) fn reported(
         }
         // Found, and reported, by later stages.
         Mistake::Rows { .. } | Mistake::Squares { .. } => Vec::new(),
+    }
+}
+
+/// The public name of what slipped.
+pub(super) fn what_slipped(what: Slipped, problem: &Problem) -> String {
+    match what {
+        Slipped::Marker(m) => format!("marker:{}", problem.scene.marker_names[m]),
+        Slipped::Board => "board".to_owned(),
+        Slipped::Camera => "camera".to_owned(),
     }
 }
 
