@@ -142,8 +142,19 @@ impl<'a> Weighed<'a> {
     fn fitted(&self, chain: &Chain, by: FittedBy) -> Result<Option<Tolerant>> {
         let problem = &self.session.problem;
         problem.cancel.check()?;
-        let fitted = |p: Problem| by(&p, &self.frames, problem.noise, free_columns(chain, &p, &self.frames));
+        let fitted = |p: Problem| by(&p, &self.frames, problem.noise, self.free(chain, &p));
         Ok(chain.problem(self.session, &self.frames).and_then(fitted).ok())
+    }
+
+    /// What is fitted of a chain besides small errors: free positions, and by what a delay is still off. No small error is like
+    /// one, and its first estimate was made with all mounts as the model has them.
+    fn free(&self, chain: &Chain, problem: &Problem) -> Vec<(Column, f64, f64)> {
+        let names: Vec<String> = self.session.robot.position_names().map(str::to_owned).collect();
+        let late = chain.mistakes.iter().filter(|m| matches!(m, Mistake::Late { .. }));
+        let delays = late.flat_map(|m| m.free_parameters(&self.session.recording, problem, &names));
+        let mut free = free_columns(chain, problem, &self.frames);
+        free.extend(delays.map(|delay| (delay.column, delay.std, 0.0)));
+        free
     }
 
     /// The smallest noise that any chain leaves.

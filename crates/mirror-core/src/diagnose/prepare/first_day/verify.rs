@@ -7,6 +7,7 @@
 //! mistake. The marginal likelihoods (Laplace) are compared at one noise: the smallest that any of the models
 //! leaves.
 
+use crate::diagnose::data::recording::Via;
 use crate::diagnose::effects::hypothesis::{Catalogue, Model, Term};
 use crate::diagnose::effects::{Place, vocabulary};
 use crate::diagnose::likelihood::covariance::Covariance;
@@ -15,7 +16,7 @@ use crate::diagnose::likelihood::noise::SETTLED;
 use crate::diagnose::model::deformation::Deformation;
 use crate::diagnose::model::elementary::Column;
 use crate::diagnose::model::frame::{FrameWork, Task};
-use crate::diagnose::model::problem::{Noise, Problem};
+use crate::diagnose::model::problem::{Noise, Observation, Problem, Seen};
 use crate::diagnose::model::solver::SOLVER;
 use crate::diagnose::principles::Size;
 use crate::error::Result;
@@ -289,22 +290,32 @@ impl Tolerant {
         let task = Task::of_residuals(problem, deformation, eye.as_ref(), least);
         let mut work = FrameWork::new(problem);
         let (mut pixels, mut points, mut corners) = (Vec::new(), Vec::new(), Vec::new());
+        let far_px2 = eye.as_ref().map_or(0.0, |eye| {
+            let (width, height) = eye.camera.size_px();
+            f64::from(width).powi(2) + f64::from(height).powi(2)
+        });
         for frame in (0..problem.frames.len()).filter(|&f| self.mask[f]) {
-            if !work.evaluate(problem, &task, frame) {
-                continue;
+            let before = pixels.len();
+            let predicted = work.evaluate(problem, &task, frame);
+            if predicted {
+                work.raw_residuals(|_, measured, r| {
+                    if measured { points.push(r.norm_squared()) } else { pixels.push(r.norm_squared()) }
+                });
             }
-            work.raw_residuals(|_, measured, r| {
-                if measured { points.push(r.norm_squared()) } else { pixels.push(r.norm_squared()) }
-            });
-            if let (Some(eye), Some(nominal)) = (&eye, problem.boards[frame]) {
-                let fitted = if problem.needs_fresh_board(deformation) {
-                    work.fit_board(problem, deformation, Some(eye), frame, Some(nominal.foot))
-                } else {
-                    Some(nominal)
-                };
-                if let Some(fit) = fitted.filter(|f| f.corners > 2) {
-                    corners.push(2.0 * fit.chi2_px2 / (2.0 * fit.corners as f64 - 3.0));
-                }
+            let (Some(eye), Some(nominal)) = (&eye, problem.boards[frame]) else { continue };
+            let in_mirror = |o: &&Observation| {
+                matches!(o, Observation::Pixel { seen: Seen::Marker(_), via: Via::Mirror, .. })
+            };
+            let seen = problem.frames[frame].others.iter().filter(in_mirror).count();
+            let lost = seen.saturating_sub(pixels.len() - before);
+            pixels.extend(core::iter::repeat_n(far_px2, lost));
+            let fitted = if problem.needs_fresh_board(deformation) {
+                work.fit_board(problem, deformation, Some(eye), frame, Some(nominal.foot))
+            } else {
+                Some(nominal)
+            };
+            if let Some(fit) = fitted.filter(|f| f.corners > 2) {
+                corners.push(2.0 * fit.chi2_px2 / (2.0 * fit.corners as f64 - 3.0));
             }
         }
         let of = |squares: &mut Vec<f64>, chi2: f64, least: f64| {
