@@ -58,10 +58,18 @@ pub(super) fn chosen(
     // each of its mistakes.
     let (mut values, mut log_odds) = loop {
         let (values, log_odds) = weighed.log_odds(sought);
-        let best = (1..log_odds.len()).max_by(|&a, &b| log_odds[a].total_cmp(&log_odds[b])).unwrap_or(0);
-        let mistakes = weighed.chains[best].mistakes.len();
-        let shorter = (0..mistakes).filter(|_| mistakes > 1);
-        let shorter = shorter.map(|i| weighed.chains[best].without(i, &nominal, all, &scored_on));
+        let likeliest = |which: &dyn Fn(&Chain) -> bool| {
+            let those = (1..log_odds.len()).filter(|&i| which(&weighed.chains[i]));
+            those.max_by(|&a, &b| log_odds[a].total_cmp(&log_odds[b]))
+        };
+        let mut best: Vec<usize> = likeliest(&|_| true).into_iter().collect();
+        // Free positions must not win because the named chain has a mistake too many.
+        best.extend(likeliest(&|chain| !chain.has_no_word()).filter(|i| !best.contains(i)));
+        let shorter = best.iter().flat_map(|&i| {
+            let mistakes = weighed.chains[i].mistakes.len();
+            (0..mistakes).filter(move |_| mistakes > 1).map(move |k| (i, k))
+        });
+        let shorter = shorter.map(|(i, k)| weighed.chains[i].without(k, &nominal, all, &scored_on));
         let further: Vec<Chain> =
             shorter.filter(|chain| !weighed.chains.iter().any(|tried| tried.is_like(chain))).collect();
         if further.is_empty() {

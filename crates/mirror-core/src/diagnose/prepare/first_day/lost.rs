@@ -15,7 +15,7 @@
 //! the column is not used at all, so no cause at its joint can compensate for it.
 
 use super::alternatives::{Session, least, range};
-use super::chain::{BEAM, Chain, FRAMES, spread};
+use super::chain::{BEAM, Chain, FRAMES, extended, spread, unlike};
 use super::freed::Free;
 use super::misfit::Misfit;
 use super::mistake::Mistake;
@@ -60,6 +60,8 @@ pub(super) struct Searched<'a> {
     pub least_fall: f64,
     /// The chains of mistakes that have a name.
     pub of_words: &'a [Chain],
+    /// Effects that are not to be found.
+    pub without: &'a [String],
 }
 
 /// Chains with a spoilt column of a session that is gross; none if the named mistakes leave as little. Independent errors
@@ -72,7 +74,8 @@ pub(super) fn chains(session: &Session<'_>, nominal: &Chain, searched: &Searched
 }
 
 /// The same if displaced mounts are as large as gross mistakes: these are fitted robustly, first at the logged positions,
-/// which ranks the joints, and again for each joint with its positions free. None where the mounts leave nothing gross.
+/// which ranks the joints, and again for each joint with its positions free. Beside those mounts mistakes that have a name are
+/// searched again too. None where the mounts leave nothing gross.
 ///
 /// # Errors
 /// Invalid parameters of camera or mirror.
@@ -94,8 +97,13 @@ pub(super) fn chains_beside_mounts(
         let free = unrelated(&session, &nominal, (joint, node), searched.frames);
         let misfit = Misfit::given(problem, &mounts_beside(undone, &free, searched.frames)?)?;
         let session = Session::new(problem, &misfit, log);
-        out.extend(of_joint(&session, &nominal.at(&misfit, searched.frames), (joint, node), searched));
+        let nominal = nominal.at(&misfit, searched.frames);
+        // With mounts as they are, a mistake that has a name may be enough.
+        let named = extended(&session, searched.frames, &nominal, searched.without, searched.least_fall);
+        out.splice(0..0, named.into_iter().filter(|chain| !chain.is_gross()));
+        out.extend(of_joint(&session, &nominal, (joint, node), searched));
     }
+    unlike(&mut out, usize::MAX);
     Ok(out)
 }
 
@@ -134,7 +142,7 @@ fn of_joint(
     session: &Session<'_>,
     nominal: &Chain,
     (joint, node): (usize, NodeId),
-    &Searched { frames, shown, least_fall, of_words }: &Searched<'_>,
+    &Searched { frames, shown, least_fall, of_words, .. }: &Searched<'_>,
 ) -> Vec<Chain> {
     // A frozen log has free positions too.
     let has_numbers = |c: &&Chain| !c.mistakes.iter().any(|m| matches!(m, Mistake::LogFrozen { .. }));

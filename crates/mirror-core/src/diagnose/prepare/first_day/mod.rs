@@ -237,7 +237,8 @@ fn chain_of_the_body(
         shown.sort_unstable();
         shown.dedup();
         let least_fall = least_fall(closely);
-        let searched = lost::Searched { frames: &frames, shown: &shown, least_fall, of_words: &chains };
+        let searched =
+            lost::Searched { frames: &frames, shown: &shown, least_fall, of_words: &chains, without };
         let mut of_no_word = lost::chains(&all, &nominal, &searched);
         if of_no_word.is_empty() {
             of_no_word = lost::chains_beside_mounts(session, &nominal, &searched)?;
