@@ -227,7 +227,15 @@ fn mistakes_of_columns_are_named_beside_a_set_up_by_hand() {
         (&other_way, "axis_sign@joint:l_elbow"),
     ];
     for (tell, want) in cases {
-        let found = by_hand_as_told(31, None, tell);
+        // With less care: the camera twice as far off, and the board turned.
+        let mut wrong = mounted_by_hand(&world, 31);
+        if let Wrong::CameraMount(mount) = &mut wrong[0] {
+            mount.iter_mut().for_each(|m| *m *= 2.0);
+        }
+        wrong.push(Wrong::BoardMount([-0.038, -0.021, 0.024, 0.003, 0.006, -0.002]));
+        let mut recording = world.record(&Plan { postures: 50, seed: 31, wrong, ..Plan::default() });
+        tell(&mut recording);
+        let found = diagnose(&robot, &recording, &DiagnoseOptions::default(), &[]).unwrap();
         let told: Vec<String> = of_robot(&found).iter().map(|c| format!("{}@{}", c.effect, c.at)).collect();
         assert_eq!(told, [want], "{:?} {:#?}", names(&found), found.trace);
     }

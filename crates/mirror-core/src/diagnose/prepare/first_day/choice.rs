@@ -8,7 +8,7 @@
 //! the odds are close, markers are also in place in each model, one half of its prior for each.
 
 use super::alternatives::Session;
-use super::chain::{Chain, FRAMES, spread};
+use super::chain::{Chain, FRAMES, spread, unlike};
 use super::lost::free_columns;
 use super::misfit::Misfit;
 use super::mistake::Mistake;
@@ -70,8 +70,9 @@ pub(super) fn chosen(
             (0..mistakes).filter(move |_| mistakes > 1).map(move |k| (i, k))
         });
         let shorter = shorter.map(|(i, k)| weighed.chains[i].without(k, &nominal, all, &scored_on));
-        let further: Vec<Chain> =
+        let mut further: Vec<Chain> =
             shorter.filter(|chain| !weighed.chains.iter().any(|tried| tried.is_like(chain))).collect();
+        unlike(&mut further, usize::MAX);
         if further.is_empty() {
             break (values, log_odds);
         }
