@@ -243,6 +243,8 @@ fn chain_of_the_body(
         if of_no_word.is_empty() {
             of_no_word = lost::chains_beside_mounts(session, &nominal, &searched)?;
         }
+        // Beside mounts a mistake's number is estimated better.
+        chains.retain(|c| !of_no_word.iter().any(|other| other.is_like(c)));
         chains.extend(of_no_word);
     }
     if let Some(known) = known {
