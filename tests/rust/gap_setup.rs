@@ -221,7 +221,8 @@ fn mistakes_of_columns_are_named_beside_a_set_up_by_hand() {
     let other_way = |r: &mut Recording| {
         r.frames.iter_mut().for_each(|f| f.commanded[elbow] = -f.commanded[elbow]);
     };
-    let cases: [(&dyn Fn(&mut Recording), &str); 3] = [
+    type Told<'a> = (&'a dyn Fn(&mut Recording), &'a str);
+    let cases: [Told<'_>; 3] = [
         (&late_elbow, "joint_late@joint:l_elbow"),
         (&late_clock, "joint_late@robot"),
         (&other_way, "axis_sign@joint:l_elbow"),

@@ -75,7 +75,7 @@ pub(super) fn chains(session: &Session<'_>, nominal: &Chain, searched: &Searched
 
 /// The same if displaced mounts are as large as gross mistakes: these are fitted robustly, first at the logged positions,
 /// which ranks the joints, and again for each joint with its positions free. Beside those mounts mistakes that have a name are
-/// searched again too. None where the mounts leave nothing gross.
+/// searched again too, if all that were found leave something gross. None where the mounts leave nothing gross.
 ///
 /// # Errors
 /// Invalid parameters of camera or mirror.
@@ -99,8 +99,10 @@ pub(super) fn chains_beside_mounts(
         let session = Session::new(problem, &misfit, log);
         let nominal = nominal.at(&misfit, searched.frames);
         // With mounts as they are, a mistake that has a name may be enough.
-        let named = extended(&session, searched.frames, &nominal, searched.without, searched.least_fall);
-        out.splice(0..0, named.into_iter().filter(|chain| !chain.is_gross()));
+        if searched.of_words.iter().all(Chain::is_gross) {
+            let named = extended(&session, searched.frames, &nominal, searched.without, searched.least_fall);
+            out.splice(0..0, named.into_iter().filter(|chain| !chain.is_gross()));
+        }
         out.extend(of_joint(&session, &nominal, (joint, node), searched));
     }
     unlike(&mut out, usize::MAX);
