@@ -82,7 +82,7 @@ pub(crate) fn needs_board(problem: &Problem, columns: &[Column]) -> bool {
 }
 
 fn moves_board(problem: &Problem, atom: Atom, board: Option<usize>) -> bool {
-    if atom.is_optical() {
+    if atom.is_optical() || matches!(atom, Atom::BoardSlip(_)) {
         return true;
     }
     if let Atom::BoardMount(_) = atom {

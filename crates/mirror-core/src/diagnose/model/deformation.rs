@@ -42,8 +42,8 @@ pub(crate) struct Deformation {
     /// The camera's additional mount error, by frame, on top of `camera_mount`; empty where it is constant. The
     /// same tangent.
     camera_sway: Vec<Vector6<f64>>,
-    /// The same of the board, on top of `board_mount`.
-    board_sway: Vec<Vector6<f64>>,
+    /// Of the board alone, by frame, after `board_mount`; empty where it never slips. The same tangent.
+    board_slip: Vec<Vector6<f64>>,
     /// Relative error of the focal lengths on top of `focal_scale_error`, by frame; empty where it is constant.
     focal_wander: Vec<f64>,
     /// Pose of the root in the unknown frame of `points.csv`: tangent on top of its start, rad and m.
@@ -73,7 +73,7 @@ impl Deformation {
             curvature_per_m: 0.0,
             free_optics: FreeValues::zeros(),
             camera_sway: Vec::new(),
-            board_sway: Vec::new(),
+            board_slip: Vec::new(),
             focal_wander: Vec::new(),
             frame_pose: Vector6::zeros(),
         }
@@ -186,22 +186,18 @@ impl Deformation {
         self.camera_sway[frame][k] += value;
     }
 
-    /// The board's mount in a frame: rotation vector and shift in its nominal frame, rad and m.
+    /// How the board has slipped on its mount in a frame: rotation vector and shift in the mounted board's frame, rad and m; none
+    /// where it never does.
     #[inline]
-    pub fn board_mount_in(&self, frame: usize) -> Vector6<f64> {
-        self.board_mount + self.board_sway.get(frame).copied().unwrap_or_else(Vector6::zeros)
+    pub fn board_slip(&self, frame: usize) -> Option<&Vector6<f64>> {
+        self.board_slip.get(frame)
     }
 
-    /// Whether the board is elsewhere than in the nominal model, in any frame.
-    pub fn moves_board(&self) -> bool {
-        self.board_mount != Vector6::zeros() || !self.board_sway.is_empty()
-    }
-
-    pub fn add_board_sway(&mut self, frame: usize, k: usize, value: f64) {
-        if self.board_sway.is_empty() {
-            self.board_sway = vec![Vector6::zeros(); self.frames()];
+    pub fn add_board_slip(&mut self, frame: usize, k: usize, value: f64) {
+        if self.board_slip.is_empty() {
+            self.board_slip = vec![Vector6::zeros(); self.frames()];
         }
-        self.board_sway[frame][k] += value;
+        self.board_slip[frame][k] += value;
     }
 
     pub fn add_focal_wander(&mut self, frame: usize, value: f64) {

@@ -40,6 +40,8 @@ pub(crate) enum Atom {
     /// Tangent of the board's mount in its nominal frame: rotation 0 to 2, translation 3 to 5. A camera on the board's own body moves
     /// along with it.
     BoardMount(usize),
+    /// The same of the board alone, on top of its mount: in the frames in which it has slipped.
+    BoardSlip(usize),
     /// Relative error of the focal lengths.
     Focal,
     /// Shift of the principal point along u or v.
@@ -87,6 +89,7 @@ impl Atom {
             | Self::MarkerShift(..)
             | Self::MarkerImage(..)
             | Self::BoardMount(_)
+            | Self::BoardSlip(_)
             | Self::FramePose(_) => false,
         }
     }
@@ -310,14 +313,12 @@ impl Column {
                     }
                 }
             },
-            Atom::BoardMount(k) => match &self.weight {
-                Weight::One => deformation.board_mount[k] += value,
-                weight => {
-                    for f in 0..scene.frames {
-                        deformation.add_board_sway(f, k, value * weight.at(scene, f));
-                    }
+            Atom::BoardMount(k) => deformation.board_mount[k] += value,
+            Atom::BoardSlip(k) => {
+                for f in 0..scene.frames {
+                    deformation.add_board_slip(f, k, value * self.weight.at(scene, f));
                 }
-            },
+            }
             Atom::Focal => match &self.weight {
                 Weight::One => deformation.focal_scale_error += value,
                 weight => {

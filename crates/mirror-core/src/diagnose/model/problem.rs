@@ -257,6 +257,7 @@ impl Problem {
     pub fn needs_fresh_board(&self, deformation: &Deformation) -> bool {
         deformation.optics_differ()
             || self.moves_board_alone(deformation)
+            || deformation.board_slip(0).is_some()
             || deformation.moves_any(&self.between_camera_and_board)
             || self.shifts_between(deformation)
     }
@@ -267,13 +268,14 @@ impl Problem {
     }
 
     fn moves_board_alone(&self, deformation: &Deformation) -> bool {
-        deformation.moves_board() && !self.camera_beside_board()
+        deformation.board_mount != nalgebra::Vector6::zeros() && !self.camera_beside_board()
     }
 
     /// [`Problem::needs_fresh_board`] for one frame, without looking at the others.
     pub fn needs_fresh_board_in(&self, deformation: &Deformation, frame: usize) -> bool {
         deformation.optics_differ()
             || self.moves_board_alone(deformation)
+            || deformation.board_slip(frame).is_some()
             || self.shifts_between(deformation)
             || self.between_camera_and_board.iter().any(|&n| deformation.moves_in(frame, n))
     }

@@ -58,8 +58,8 @@ fn somewhere(problem: &Problem) -> Deformation {
     d.glass_thickness_m = 0.002;
     d.curvature_per_m = 0.004;
     d.add_camera_sway(1, 2, 0.003);
-    d.add_board_sway(0, 1, 0.004);
-    d.add_board_sway(3, 4, 0.002);
+    d.add_board_slip(0, 1, 0.004);
+    d.add_board_slip(3, 4, 0.002);
     d.add_focal_wander(2, 0.002);
     d
 }
@@ -141,10 +141,10 @@ fn every_atoms_column_is_the_derivative_of_the_exact_model() {
             Column { atom, weight: Weight::Frames(since.collect()) }
         };
         // What can slip: the board, the camera and markers move from a frame on.
-        let slips =
-            |a: &Atom| matches!(a, Atom::BoardMount(_) | Atom::CameraMount(_) | Atom::MarkerShift(..));
+        let slips = |a: &Atom| matches!(a, Atom::CameraMount(_) | Atom::MarkerShift(..));
         let all = atoms(&problem);
-        for by in all.iter().copied().map(always).chain(all.iter().copied().filter(slips).map(from_here)) {
+        let sliding = all.iter().copied().filter(slips).chain((0..6).map(Atom::BoardSlip)).map(from_here);
+        for by in all.iter().copied().map(always).chain(sliding) {
             let atom = by.atom;
             let h = if matches!(atom, Atom::Center(_) | Atom::MarkerImage(_, 0)) { 0.05 } else { 1e-5 };
             let moved = |sign: f64| {

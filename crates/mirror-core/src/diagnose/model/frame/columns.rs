@@ -7,7 +7,7 @@ use crate::diagnose::model::deformation::Deformation;
 use crate::diagnose::model::elementary::{Atom, Twist, body_twist, moves};
 use crate::diagnose::model::problem::Problem;
 use crate::diagnose::model::slips::Slipped;
-use nalgebra::Vector3;
+use nalgebra::{Vector3, Vector6};
 
 /// How an atom of the body moves a row's target against its observer: 1, −1 where it is the observer that moves, or not at all.
 fn motion(problem: &Problem, node: Option<NodeId>, observer: Option<NodeId>, atom: Atom) -> Option<f64> {
@@ -24,10 +24,18 @@ fn board_motion(problem: &Problem, target: bool, measured: bool) -> Option<f64> 
 }
 
 impl FrameWork {
-    /// The velocity field of the board's mount: of `nominal ∘ (Exp ω, t)` by ω or t.
-    fn board_twist(&self, problem: &Problem, deformation: &Deformation, k: usize) -> Option<Twist> {
-        let actual = self.world_from_board(&problem.board_in(self.frame)?);
-        let turn = deformation.board_mount_in(self.frame).fixed_rows::<3>(0).into_owned();
+    /// The velocity field of the board's mount, or of its slip on it: of `before ∘ (Exp ω, t)` by ω or t.
+    fn board_twist(&self, problem: &Problem, deformation: &Deformation, atom: Atom) -> Option<Twist> {
+        let board = problem.board_in(self.frame)?;
+        let (actual, tangent, k) = match atom {
+            Atom::BoardMount(k) => (self.world_from_mounted_board(&board), deformation.board_mount, k),
+            Atom::BoardSlip(k) => {
+                let slip = deformation.board_slip(self.frame).copied().unwrap_or_else(Vector6::zeros);
+                (self.world_from_board(&board), slip, k)
+            }
+            _ => return None,
+        };
+        let turn = tangent.fixed_rows::<3>(0).into_owned();
         if k < 3 {
             // Exp(ω + dω) = Exp(ω) Exp(J_r dω).
             let by_turn = crate::geometry::rotation::right_jacobian(&turn);
@@ -63,7 +71,7 @@ impl FrameWork {
         let mut span: Option<Span> = None;
         let mut gradient = Vector3::zeros();
         let twist = match atom {
-            Atom::BoardMount(k) => self.board_twist(problem, deformation, k),
+            Atom::BoardMount(_) | Atom::BoardSlip(_) => self.board_twist(problem, deformation, atom),
             _ => body_twist(atom, &problem.scene, &self.poses, deformation, frame),
         };
         let condensed = &self.condensed;
@@ -86,10 +94,11 @@ impl FrameWork {
                         {
                             sign
                         }
-                        _ if matches!(atom, Atom::BoardMount(_)) => {
-                            board_motion(problem, row.marker.is_none(), row.measured)
-                        }
-                        _ => motion(problem, row.node, row.observer, atom),
+                        _ => match atom {
+                            Atom::BoardMount(_) => board_motion(problem, row.marker.is_none(), row.measured),
+                            Atom::BoardSlip(_) => row.marker.is_none().then_some(1.0),
+                            _ => motion(problem, row.node, row.observer, atom),
+                        },
                     };
                     last = Some((row.node, row.observer, row.marker, sign));
                     sign.map(|s| row.by_world * (twist.omega.cross(&row.point) + twist.shift) * s)
@@ -169,6 +178,7 @@ impl FrameWork {
             let node = problem.board_in(self.frame)?.node;
             let sign = match atom {
                 Atom::BoardMount(_) => board_motion(problem, true, false),
+                Atom::BoardSlip(_) => Some(1.0),
                 _ => motion(problem, node, problem.camera_site.and_then(|s| s.node), atom),
             };
             return sign.map(|sign| condensed.by_twist(twist, sign, out));
@@ -228,6 +238,7 @@ fn optics_column(atom: Atom) -> Option<usize> {
         | Atom::MarkerShift(..)
         | Atom::MarkerImage(..)
         | Atom::BoardMount(_)
+        | Atom::BoardSlip(_)
         | Atom::FreeOptics(_)
         | Atom::FramePose(_) => None,
     }

@@ -58,6 +58,8 @@ pub(crate) struct FrameWork {
     pub board_excess: f64,
     /// How the board's displaced mount moves it in the world; none where the mount is as modelled.
     board_moved: Option<Pose>,
+    /// How the board has slipped on its mount.
+    board_slip: Option<Vector6<f64>>,
     pub(super) root: Pose,
     pub(super) unknown: Option<Pose>,
     pub residual: Vec<f64>,
@@ -151,6 +153,7 @@ impl FrameWork {
             root: Pose::identity(),
             unknown: None,
             board_moved: None,
+            board_slip: None,
             residual: Vec::new(),
             optics: Vec::new(),
             free: Vec::new(),
@@ -198,15 +201,22 @@ impl FrameWork {
         self.points_each = 0;
         self.markers.posed = false;
         self.root = self.poses.site(&problem.scene.body.root);
-        let mount = deformation.board_mount_in(frame);
-        self.board_moved = problem.board_in(frame).filter(|_| mount != Vector6::zeros()).map(|board| {
+        let mount = &deformation.board_mount;
+        self.board_moved = problem.board_in(frame).filter(|_| *mount != Vector6::zeros()).map(|board| {
             let world_from_board = self.poses.site(&board);
-            moved(&world_from_board, &mount).then(&world_from_board.inverse())
+            moved(&world_from_board, mount).then(&world_from_board.inverse())
         });
+        self.board_slip = deformation.board_slip(frame).copied();
     }
 
     /// The board's actual pose in the world.
     pub(super) fn world_from_board(&self, board: &Site) -> Pose {
+        let mounted = self.world_from_mounted_board(board);
+        self.board_slip.map_or(mounted, |slip| moved(&mounted, &slip))
+    }
+
+    /// The same before it slipped on its mount.
+    pub(super) fn world_from_mounted_board(&self, board: &Site) -> Pose {
         let nominal = self.poses.site(board);
         self.board_moved.map_or(nominal, |moved| moved.then(&nominal))
     }

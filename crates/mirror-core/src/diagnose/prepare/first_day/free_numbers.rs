@@ -92,7 +92,7 @@ impl Mistake {
                     column: Column {
                         atom: match slip.what {
                             Slipped::Marker(m) => Atom::MarkerShift(m, k - 3),
-                            Slipped::Board => Atom::BoardMount(k),
+                            Slipped::Board => Atom::BoardSlip(k),
                             Slipped::Camera => Atom::CameraMount(k),
                         },
                         weight: weight.clone(),
