@@ -126,15 +126,21 @@ pub(super) fn find(
         }
         tried.push(settled);
     }
-    let noise = tried.iter().map(|t| t.1.noise).fold(without.noise, smaller);
+    // If the model with the slip is still far from the noise, something else is wrong, and a step absorbs part of it.
+    let mut close = Vec::new();
+    for (best, fit) in tried {
+        let is_near = |noise: Noise| size(fit.noise) <= ABOVE_SCATTER * size(noise);
+        if is_near(least) || is_near(estimate(fit.problem(), &fit.deformation(), least)?) {
+            close.push((best, fit));
+        }
+    }
+    if close.is_empty() {
+        return Ok(None);
+    }
+    let noise = close.iter().map(|t| t.1.noise).fold(without.noise, smaller);
     let alone = without.log_evidence(noise)?;
     let mut found: Option<(f64, Best, Tolerant)> = None;
-    for (best, mut fit) in tried {
-        // If the model with the slip is still far from the noise, something else is wrong, and a step absorbs part of it.
-        let noise_of_views = estimate(fit.problem(), &fit.deformation(), least)?;
-        if size(fit.noise) > ABOVE_SCATTER * size(least).max(size(noise_of_views)) {
-            continue;
-        }
+    for (best, mut fit) in close {
         let odds = fit.log_evidence(noise)? - alone;
         if odds > found.as_ref().map_or(BEYOND_DOUBT, |f| f.0) {
             found = Some((odds, best, fit));
