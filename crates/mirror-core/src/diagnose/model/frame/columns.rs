@@ -28,7 +28,9 @@ impl FrameWork {
     fn board_twist(&self, problem: &Problem, deformation: &Deformation, atom: Atom) -> Option<Twist> {
         let board = problem.board_in(self.frame)?;
         let (actual, tangent, k) = match atom {
-            Atom::BoardMount(k) => (self.world_from_mounted_board(&board), deformation.board_mount, k),
+            Atom::BoardMount(k) => {
+                (self.world_from_mounted_board(&problem.board?), deformation.board_mount, k)
+            }
             Atom::BoardSlip(k) => {
                 let slip = deformation.board_slip(self.frame).copied().unwrap_or_else(Vector6::zeros);
                 (self.world_from_board(&board), slip, k)
@@ -138,7 +140,7 @@ impl FrameWork {
         }
         out[..self.row_count + PROJECTED].fill(0.0);
         let pose = match what {
-            Slipped::Board => problem.board_in(self.frame).map(|site| self.poses.site(&site)),
+            Slipped::Board => problem.board_in(self.frame).map(|site| self.world_from_mounted_board(&site)),
             Slipped::Camera => self.world_from_mount(problem),
             Slipped::Marker(_) => None,
         };

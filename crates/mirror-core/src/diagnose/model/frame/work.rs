@@ -202,7 +202,8 @@ impl FrameWork {
         self.markers.posed = false;
         self.root = self.poses.site(&problem.scene.body.root);
         let mount = &deformation.board_mount;
-        self.board_moved = problem.board_in(frame).filter(|_| *mount != Vector6::zeros()).map(|board| {
+        // As it was mounted: a camera on the same body moved with it then, and stays where the board slips.
+        self.board_moved = problem.board.filter(|_| *mount != Vector6::zeros()).map(|board| {
             let world_from_board = self.poses.site(&board);
             moved(&world_from_board, mount).then(&world_from_board.inverse())
         });
