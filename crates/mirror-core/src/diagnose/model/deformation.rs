@@ -187,10 +187,15 @@ impl Deformation {
     }
 
     /// How the board has slipped on its mount in a frame: rotation vector and shift in the mounted board's frame, rad and m; none
-    /// where it never does.
+    /// where it has not.
     #[inline]
-    pub fn board_slip(&self, frame: usize) -> Option<&Vector6<f64>> {
-        self.board_slip.get(frame)
+    pub fn board_slip(&self, frame: usize) -> Option<Vector6<f64>> {
+        self.board_slip.get(frame).copied().filter(|slip| *slip != Vector6::zeros())
+    }
+
+    /// Whether the board slips in any frame.
+    pub fn board_slips(&self) -> bool {
+        !self.board_slip.is_empty()
     }
 
     pub fn add_board_slip(&mut self, frame: usize, k: usize, value: f64) {

@@ -257,7 +257,7 @@ impl Problem {
     pub fn needs_fresh_board(&self, deformation: &Deformation) -> bool {
         deformation.optics_differ()
             || self.moves_board_alone(deformation)
-            || deformation.board_slip(0).is_some()
+            || deformation.board_slips()
             || deformation.moves_any(&self.between_camera_and_board)
             || self.shifts_between(deformation)
     }

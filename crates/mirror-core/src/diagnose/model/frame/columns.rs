@@ -32,7 +32,7 @@ impl FrameWork {
                 (self.world_from_mounted_board(&problem.board?), deformation.board_mount, k)
             }
             Atom::BoardSlip(k) => {
-                let slip = deformation.board_slip(self.frame).copied().unwrap_or_else(Vector6::zeros);
+                let slip = self.board_slip.unwrap_or_else(Vector6::zeros);
                 (self.world_from_board(&board), slip, k)
             }
             _ => return None,
@@ -135,26 +135,23 @@ impl FrameWork {
         k: usize,
         out: &mut [f64],
     ) -> bool {
-        if let (Slipped::Marker(m), Some(axis)) = (what, k.checked_sub(3)) {
-            return self.column(problem, deformation, self.frame, Atom::MarkerShift(m, axis), out);
+        let own = match what {
+            Slipped::Board => Some(Atom::BoardSlip(k)),
+            Slipped::Marker(m) => k.checked_sub(3).map(|axis| Atom::MarkerShift(m, axis)),
+            Slipped::Camera => None,
+        };
+        if let Some(atom) = own {
+            return self.column(problem, deformation, self.frame, atom, out);
         }
         out[..self.row_count + PROJECTED].fill(0.0);
-        let pose = match what {
-            Slipped::Board => problem.board_in(self.frame).map(|site| self.world_from_mounted_board(&site)),
-            Slipped::Camera => self.world_from_mount(problem),
-            Slipped::Marker(_) => None,
-        };
+        let pose = self.world_from_mount(problem).filter(|_| what == Slipped::Camera);
         let Some(pose) = pose.filter(|_| !self.condensed.used) else { return false };
         let axis = pose.r.column(k % 3).into_owned();
         let twist = if k < 3 { Twist::about(&pose.t, axis) } else { Twist::along(axis) };
         let (mut at, mut gradient, mut any) = (0, Vector3::zeros(), false);
         for row in &self.rows {
-            let sign = match what {
-                Slipped::Board => row.marker.is_none().then_some(1.0),
-                _ => (!row.measured).then_some(-1.0),
-            };
-            if let Some(sign) = sign {
-                let value = row.by_world * (twist.omega.cross(&row.point) + twist.shift) * sign;
+            if !row.measured {
+                let value = -(row.by_world * (twist.omega.cross(&row.point) + twist.shift));
                 out[at..at + row.count].copy_from_slice(&value.as_slice()[..row.count]);
                 gradient += row.plane.tr_mul(&value);
                 any = true;

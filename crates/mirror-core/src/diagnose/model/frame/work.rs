@@ -59,7 +59,7 @@ pub(crate) struct FrameWork {
     /// How the board's displaced mount moves it in the world; none where the mount is as modelled.
     board_moved: Option<Pose>,
     /// How the board has slipped on its mount.
-    board_slip: Option<Vector6<f64>>,
+    pub(super) board_slip: Option<Vector6<f64>>,
     pub(super) root: Pose,
     pub(super) unknown: Option<Pose>,
     pub residual: Vec<f64>,
@@ -207,7 +207,7 @@ impl FrameWork {
             let world_from_board = self.poses.site(&board);
             moved(&world_from_board, mount).then(&world_from_board.inverse())
         });
-        self.board_slip = deformation.board_slip(frame).copied();
+        self.board_slip = deformation.board_slip(frame);
     }
 
     /// The board's actual pose in the world.

@@ -24,7 +24,7 @@ use crate::diagnose::model::problem::{Noise, Problem};
 use crate::diagnose::model::slips::{Slip, Slipped};
 use crate::diagnose::model::solver::SOLVER;
 use crate::diagnose::principles::{
-    A_GAP, ABOVE_SCATTER, BEYOND_DOUBT, FEWEST_FRAMES, Guard, Prior, Size, Threshold,
+    A_GAP, ABOVE_SCATTER, BEYOND_DOUBT, FEWEST_FRAMES, Prior, Size, Threshold,
 };
 use crate::error::Result;
 use core::ops::Range;
@@ -38,8 +38,6 @@ const SLIPS_TRIED: Size = 3;
 const ZERO_STD: Prior = 0.2;
 /// The only entry of a motion that a joint has.
 const LAST: Size = 5;
-/// No more of a step is taken to be kept back for the next: a factor of ten on it.
-const MOST_KEPT: Guard = 0.9;
 /// The last entries of its motion are those that its place has.
 #[derive(Clone)]
 struct Best {
@@ -120,11 +118,7 @@ pub(super) fn find(
     let mut tried = Vec::new();
     for best in bests {
         problem.cancel.check()?;
-        let settled = settled(problem, frames, least, best)?;
-        if let (What::Slips(Slipped::Board), Some(slip)) = (settled.0.what, settled.0.slip()) {
-            tried.push(polished(problem, frames, least, (settled.0.clone(), slip))?);
-        }
-        tried.push(settled);
+        tried.push(together(problem, frames, least, &best)?);
     }
     // If the model with the slip is still far from the noise, something else is wrong, and a step absorbs part of it.
     let mut close = Vec::new();
@@ -167,90 +161,6 @@ fn sums_of(of_joints: &[Place]) -> Vec<OfJoint> {
     of_joints.iter().filter_map(of).collect()
 }
 
-/// A slip refined together with all small errors.
-fn settled(problem: &Problem, frames: &[usize], least: Noise, mut best: Best) -> Result<(Best, Tolerant)> {
-    if let Some(exact) = together(problem, frames, least, &best)? {
-        return Ok(exact);
-    }
-    let mut with = problem.clone();
-    with.slips.extend(best.slip());
-    with.fit_boards()?;
-    let mut fit = Tolerant::fitted(&with, frames, least)?;
-    let What::Slips(what) = best.what else { return Ok((best, fit)) };
-    let mut last: Option<Vector6<f64>> = None;
-    for round in 0..SOLVER.final_steps {
-        let place = moved(&with, &fit.deformation(), fit.noise, what)?;
-        // What is left at the same place from about the same row on belongs to this slip.
-        let first = best.first;
-        let Some(more) = scan(&place, first..first + 1) else { break };
-        if round > 0 && more.gain < WITHIN_CHANCE {
-            break;
-        }
-        // Small errors absorb a part of the slip and return it round by round. The rounds' steps shrink by a
-        // constant factor, and the rest of that series is added at once (Aitken).
-        let in_stds = |motion: &Vector6<f64>| motion.component_div(&more.std);
-        let kept = last.map_or(0.0, |last: Vector6<f64>| {
-            let before = in_stds(&last);
-            before.dot(&in_stds(&more.motion)) / before.norm_squared()
-        });
-        last = Some(more.motion);
-        best.motion += more.motion / (1.0 - kept.clamp(0.0, MOST_KEPT));
-        best.std = more.std;
-        if let Some(slip) = with.slips.last_mut() {
-            slip.motion = best.motion;
-        }
-        with.fit_boards()?;
-        fit = Tolerant::fitted(&with, frames, least)?;
-    }
-    Ok((best, fit))
-}
-
-/// A slip of the board with all small errors at zero, except parts that are displaced throughout: two small errors
-/// that cancel each other move the centre of rotation, and look like a part of its shift.
-fn polished(
-    problem: &Problem,
-    frames: &[usize],
-    least: Noise,
-    (mut best, slip): (Best, Slip),
-) -> Result<(Best, Tolerant)> {
-    let mut with = problem.clone();
-    with.slips.push(slip);
-    with.fit_boards()?;
-    let nominal = with.nominal();
-    if let Some(std) = settle_slip(&mut with, &nominal, least, problem.slips.len())? {
-        best.std = std;
-    }
-    best.motion = with.slips[problem.slips.len()].motion;
-    let fit = Tolerant::fitted(&with, frames, least)?;
-    Ok((best, fit))
-}
-
-/// The motion of one of a problem's slips with everything else as in a model; its standard deviations, none if it
-/// does not change.
-///
-/// # Errors
-/// Invalid parameters of camera or mirror.
-fn settle_slip(
-    problem: &mut Problem,
-    model: &Deformation,
-    least: Noise,
-    which: usize,
-) -> Result<Option<Vector6<f64>>> {
-    let mut std = None;
-    for _ in 0..SOLVER.final_steps {
-        let noise = effective(problem, model, least, None)?;
-        let Slip { what, first, .. } = problem.slips[which];
-        let Some(more) = scan(&moved(problem, model, noise, what)?, first..first + 1) else { break };
-        if more.gain < WITHIN_CHANCE {
-            break;
-        }
-        problem.slips[which].motion += more.motion;
-        problem.fit_boards()?;
-        std = Some(more.std);
-    }
-    Ok(std)
-}
-
 /// The offset of a joint's zero from a row on, with everything else as in the model, from a start near it: beside all
 /// small errors a drift that cancels a part of the step would bias it.
 ///
@@ -276,20 +186,15 @@ pub(super) fn settle_zero(problem: &Problem, node: NodeId, first: usize, offset:
     Ok(offset)
 }
 
-/// Marker, camera or a joint's zero: the change has its own columns, estimated together with all small errors.
-fn together(
-    problem: &Problem,
-    frames: &[usize],
-    least: Noise,
-    best: &Best,
-) -> Result<Option<(Best, Tolerant)>> {
+/// A change with columns of its own, estimated together with all small errors.
+fn together(problem: &Problem, frames: &[usize], least: Noise, best: &Best) -> Result<(Best, Tolerant)> {
     let first = best.first;
     let step =
         || Weight::Frames((0..problem.frames.len()).map(|f| if f < first { 0.0 } else { 1.0 }).collect());
     let (from, atoms): (usize, Vec<Atom>) = match best.what {
         What::Slips(Slipped::Marker(m)) => (3, (0..3).map(|k| Atom::MarkerShift(m, k)).collect()),
         What::Slips(Slipped::Camera) => (0, (0..6).map(Atom::CameraMount).collect()),
-        What::Slips(Slipped::Board) => return Ok(None),
+        What::Slips(Slipped::Board) => (0, (0..6).map(Atom::BoardSlip).collect()),
         What::Zero(node) => (LAST, vec![Atom::Joint(node)]),
     };
     let std = if from == LAST { ZERO_STD } else { FREE_STD };
@@ -305,7 +210,7 @@ fn together(
         found.motion[from + k] = value;
         found.std[from + k] = std;
     }
-    Ok(Some((found, fit)))
+    Ok((found, fit))
 }
 
 /// The best row of each place that may slip, and of some joints' zeros.

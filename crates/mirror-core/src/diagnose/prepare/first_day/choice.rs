@@ -13,7 +13,7 @@ use super::lost::free_columns;
 use super::misfit::Misfit;
 use super::mistake::Mistake;
 use super::reported::reported;
-use super::undone::{Doubt, Undone};
+use super::undone::{Doubt, Undone, names};
 use super::variant::Variant;
 use super::verify::{Tolerant, smaller};
 use crate::diagnose::data::diagnosis::{Alternative, Cause};
@@ -158,7 +158,7 @@ impl<'a> Weighed<'a> {
     /// What is fitted of a chain besides small errors: free positions, and by what a delay is still off. No small error is like
     /// one, and its first estimate was made with all mounts as the model has them.
     fn free(&self, chain: &Chain, problem: &Problem) -> Vec<(Column, f64, f64)> {
-        let names: Vec<String> = self.session.robot.position_names().map(str::to_owned).collect();
+        let names = names(&self.session.robot);
         let late = chain.mistakes.iter().filter(|m| matches!(m, Mistake::Late { .. }));
         let delays = late.flat_map(|m| m.free_parameters(&self.session.recording, problem, &names));
         let mut free = free_columns(chain, problem, &self.frames);

@@ -161,6 +161,6 @@ pub(super) fn arranged_again(robot: &Robot, recording: &Recording, before: &Prob
     Ok(problem)
 }
 
-fn names(robot: &Robot) -> Vec<String> {
+pub(super) fn names(robot: &Robot) -> Vec<String> {
     robot.position_names().map(str::to_owned).collect()
 }

@@ -7,7 +7,6 @@
 //! mistake. The marginal likelihoods (Laplace) are compared at one noise: the smallest that any of the models
 //! leaves.
 
-use crate::diagnose::data::recording::Via;
 use crate::diagnose::effects::hypothesis::{Catalogue, Model, Term};
 use crate::diagnose::effects::{Place, vocabulary};
 use crate::diagnose::likelihood::covariance::Covariance;
@@ -303,12 +302,9 @@ impl Tolerant {
                 });
             }
             let (Some(eye), Some(nominal)) = (&eye, problem.boards[frame]) else { continue };
-            let in_mirror = |o: &&Observation| {
-                matches!(o, Observation::Pixel { seen: Seen::Marker(_), via: Via::Mirror, .. })
-            };
-            let seen = problem.frames[frame].others.iter().filter(in_mirror).count();
-            let lost = seen.saturating_sub(pixels.len() - before);
-            pixels.extend(core::iter::repeat_n(far_px2, lost));
+            let of_marker = |o: &&Observation| matches!(o, Observation::Pixel { seen: Seen::Marker(_), .. });
+            let seen = problem.frames[frame].others.iter().filter(of_marker).count();
+            pixels.resize(pixels.len().max(before + seen), far_px2);
             let fitted = if problem.needs_fresh_board(deformation) {
                 work.fit_board(problem, deformation, Some(eye), frame, Some(nominal.foot))
             } else {
