@@ -353,6 +353,23 @@ fn a_marker_that_slips_is_named_with_its_row_and_its_way() {
     }
 }
 
+/// No flat mirror explains a part of the boards that have tilted, as long as it is not known that they have.
+#[test]
+fn boards_that_have_slipped_are_used_once_the_slip_is_known() {
+    let world = world();
+    let wrong = vec![Wrong::BoardMount([0.0, 0.0, 0.06, 0.001, 0.007, 0.005])];
+    let mut recording = world.record(&plan(34));
+    let after = world.record(&Plan { wrong, ..plan(34) });
+    let first = 40;
+    for (frame, moved) in recording.frames.iter_mut().zip(&after.frames).skip(first) {
+        frame.sightings.clone_from(&moved.sightings);
+    }
+    let diagnosis = run(&world, &recording);
+    assert_eq!(named(&diagnosis), ["slip@board"], "{:?}", diagnosis.causes);
+    assert!(diagnosis.data.left_out.is_empty(), "{:?}", diagnosis.data.left_out);
+    assert_eq!(diagnosis.data.points_used, diagnosis.data.points_given);
+}
+
 #[test]
 fn without_boards_nothing_is_said_but_what_is_missing() {
     let world = world();

@@ -57,7 +57,9 @@ impl Prepared {
             problem.budget = given.budget.clone();
             problem.progress = given.progress.clone();
             options.progress.tell_mistakes(&undone.told);
-            leave_out_wrong_grids(&mut problem);
+            if let Some(of_these) = &undone.wrong_grids {
+                left_out.clone_from(of_these);
+            }
             left_out.extend(undone.left_out.iter().cloned());
         }
         let arranged = problem.clone();

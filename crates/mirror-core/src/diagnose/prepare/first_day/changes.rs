@@ -256,7 +256,8 @@ fn scan(place: &Place, rows: Range<usize>) -> Option<Best> {
         let Some(factor) = s.cholesky() else { continue };
         let b = factor.solve(&e);
         let gain = e.dot(&b);
-        if gain.is_finite() && best.as_ref().is_none_or(|x| gain > x.gain) {
+        // The earliest of rows without anything seen between: a board seen there may have been left out because it slipped.
+        if gain.is_finite() && best.as_ref().is_none_or(|x| gain >= x.gain) {
             let covariance = factor.inverse();
             let mut motion = Vector6::zeros();
             let mut std = Vector6::zeros();

@@ -88,6 +88,7 @@ pub(crate) fn undone(
         trace: Vec::new(),
         doubts: Vec::new(),
         left_out: Vec::new(),
+        wrong_grids: None,
         mistakes: Vec::new(),
         unsettled: false,
         lost: None,

@@ -27,6 +27,8 @@ pub(crate) struct Undone {
     pub doubts: Vec<Doubt>,
     /// False observations, and data that a mistake leaves unknown.
     pub left_out: Vec<LeftOut>,
+    /// Boards that no mirror explains with the mistakes undone; none where nothing was undone.
+    pub wrong_grids: Option<Vec<LeftOut>>,
     /// The mistakes, in the order in which they were undone.
     pub(super) mistakes: Vec<Mistake>,
     /// Whether rows contain other rows' measurements, or the board's squares have another size. Later stages handle
@@ -95,13 +97,15 @@ impl Undone {
         self.tell_taken_away(&before, mistake.takes_away_since());
         let slips = core::mem::take(&mut self.problem.slips);
         self.problem = arranged_again(&self.robot, &self.recording, &self.problem)?;
-        leave_out_wrong_grids(&mut self.problem);
         self.problem.slips = slips;
         self.problem.mistake_parameters = free;
         if !self.problem.slips.is_empty() {
             self.problem.fit_boards()?;
         }
-        mistake.on_problem(&mut self.problem)
+        mistake.on_problem(&mut self.problem)?;
+        // A mirror may explain a board once it is known to have slipped.
+        self.wrong_grids = Some(leave_out_wrong_grids(&mut self.problem));
+        Ok(())
     }
 }
 
