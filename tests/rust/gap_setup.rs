@@ -1,6 +1,7 @@
 //! Sessions whose board, camera and markers were mounted by hand: the cause is named all the same, and the set-up is told as set-up.
 
 use crate::gap_world::{Plan, World, Wrong};
+use mirror_core::camera::Camera;
 use mirror_core::diagnose::{Cause, DiagnoseOptions, Diagnosis, Recording, Tolerance, diagnose};
 use mirror_core::robot::Robot;
 use nalgebra::{Rotation3, Vector3};
@@ -239,5 +240,31 @@ fn mistakes_of_columns_are_named_beside_a_set_up_by_hand() {
         let found = diagnose(&robot, &recording, &DiagnoseOptions::default(), &[]).unwrap();
         let told: Vec<String> = of_robot(&found).iter().map(|c| format!("{}@{}", c.effect, c.at)).collect();
         assert_eq!(told, [want], "{:?} {:#?}", names(&found), found.trace);
+    }
+}
+
+/// A camera that is askew shifts the picture, and so does its centre at a neighbouring resolution.
+#[test]
+fn the_resolution_of_a_camera_file_is_exact_beside_mounts_by_hand() {
+    let world = World::new(4, false);
+    let robot = Robot::from_urdf_str(&world.urdf()).unwrap();
+    for (seed, factor) in [(41, 0.5), (42, 0.75), (43, 1.25), (44, 1.6), (45, 2.0), (46, 0.8)] {
+        let mut wrong = mounted_by_hand(&world, seed);
+        if let Wrong::CameraMount(mount) = &mut wrong[0] {
+            mount.iter_mut().for_each(|m| *m *= 2.0);
+        }
+        wrong.push(Wrong::BoardMount([-0.01, 0.02, 0.03, 0.003, 0.002, -0.002]));
+        let mut recording = world.record(&Plan { postures: 50, seed, wrong, ..Plan::default() });
+        let sight = recording.sight.as_mut().unwrap();
+        let (right, told) = (&sight.camera, 1.0 / factor);
+        // Whole numbers are the pixels' centres.
+        let center = (right.center_px().add_scalar(0.5) * told).add_scalar(-0.5);
+        sight.camera =
+            Camera::new(right.size_px(), right.focal_px() * told, center, right.distortion()).unwrap();
+        let found = diagnose(&robot, &recording, &DiagnoseOptions::default(), &[]).unwrap();
+        let told: Vec<String> = of_robot(&found).iter().map(|c| format!("{}@{}", c.effect, c.at)).collect();
+        assert_eq!(told, ["camera_resolution@camera"], "{factor}: {:?} {:#?}", names(&found), found.trace);
+        let cause = found.causes.iter().find(|c| c.effect == "camera_resolution").unwrap();
+        assert!((cause.parameters["factor"].value - factor).abs() < 1e-9, "{factor}: {cause:?}");
     }
 }

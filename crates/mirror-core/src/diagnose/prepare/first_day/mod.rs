@@ -37,6 +37,7 @@ mod optics;
 mod outlying;
 mod placed;
 mod reported;
+mod resolutions;
 mod spoilt;
 #[cfg(test)]
 mod tests;

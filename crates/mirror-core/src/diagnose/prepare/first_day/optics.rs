@@ -7,6 +7,7 @@
 use super::chain::FRAMES;
 use super::misfit::Misfit;
 use super::mistake::Mistake;
+use super::resolutions;
 use super::variant::Variant;
 use super::verify::{Tolerant, smaller};
 use crate::cancel::Cancel;
@@ -18,10 +19,7 @@ use crate::diagnose::prepare::boards::USUAL_CORNER_PX;
 use crate::diagnose::principles::{ABOVE_SCATTER, BEYOND_DOUBT, Prior, SURE_DEVIATIONS, Threshold};
 use crate::error::Result;
 use crate::robot::Robot;
-use nalgebra::Vector2;
 
-/// Factors between resolutions that cameras and drivers offer, each also the other way round.
-const FACTORS: [f64; 8] = [1.25, 4.0 / 3.0, 1.5, 1.6, 2.0, 2.4, 3.0, 4.0];
 /// A mean loss that right optics do not reach, and by which losses of corners and markers together must fall.
 pub(super) const CLEAR_LOSS: Threshold = 0.5;
 /// Effects that move the boards' corners besides a crop of the picture: the mounts of camera and board, the board's
@@ -57,9 +55,7 @@ pub(super) fn find(
     let mut alternatives: Vec<Mistake> = (1..=3).map(|flip| Mistake::Flipped { flip }).collect();
     alternatives
         .extend((1..=3).filter(|q| *q == 2 || square).map(|quarters| Mistake::BoardTurned { quarters }));
-    for factor in FACTORS.iter().flat_map(|f| [*f, 1.0 / f]) {
-        alternatives.push(Mistake::Resolution { factor, offset_px: Vector2::zeros() });
-    }
+    alternatives.extend(resolutions::all());
     if nearly_right {
         alternatives.clear();
     }
@@ -81,7 +77,8 @@ pub(super) fn find(
         }
     }
     let cropped = || crop(&problem).filter(|m| !without.iter().any(|w| w == m.effect()));
-    for mistake in best.map(|b| b.1).into_iter().chain(core::iter::once_with(cropped).flatten()) {
+    let best = best.map(|b| resolutions::likeliest(robot, &few, &problem, b.1)).transpose()?;
+    for mistake in best.into_iter().chain(core::iter::once_with(cropped).flatten()) {
         let odds = log_odds(robot, &few, &problem, &mistake)?;
         if odds > BEYOND_DOUBT {
             return Ok(Some((mistake, odds)));
