@@ -448,3 +448,24 @@ fn markers_that_are_often_elsewhere_are_listed_and_the_cause_is_found_from_the_r
     assert!(all > 60 && found as f64 > 0.97 * all as f64, "{found} of {all}");
     assert!(left.len() < all + all / 20 + 3, "{} for {all}", left.len());
 }
+
+/// A focal length of half as much again is no lens's error: sensors are read out so, and cropped to another shape.
+#[test]
+fn another_resolution_and_crop_are_told_as_one_mistake() {
+    let world = world();
+    let bone = world.bone("l_elbow");
+    let mut recording = world.record(&Plan { wrong: vec![Wrong::Ratio(bone, 0.08)], ..plan(35) });
+    let (factor, crop_px) = (1.5, nalgebra::Vector2::new(-106.0, 40.0));
+    let sight = recording.sight.as_mut().unwrap();
+    let right = &sight.camera;
+    let told = (right.center_px() - crop_px) / factor;
+    sight.camera = Camera::new(right.size_px(), right.focal_px() / factor, told, right.distortion()).unwrap();
+    let diagnosis = run(&world, &recording);
+    assert_eq!(named(&diagnosis), ["camera_resolution@camera", "gear_ratio@joint:l_elbow"]);
+    for (name, want) in [("factor", factor), ("du_px", crop_px.x), ("dv_px", crop_px.y)] {
+        let got = diagnosis.causes[0].parameters[name];
+        assert!((got.value - want).abs() <= 4.0 * got.std, "{name}: {got:?}, put in {want}");
+    }
+    assert_eq!(diagnosis.gap.steps.len(), 3);
+    assert_eq!(diagnosis.gap.steps[1].added.as_deref(), Some("camera_resolution@camera"));
+}

@@ -25,6 +25,7 @@ use crate::diagnose::principles::{
 use crate::diagnose::random_effects::displaced::log_bayes;
 use crate::diagnose::random_effects::geometric_tolerances::Geometry;
 use crate::diagnose::random_effects::small_errors::Kind;
+use crate::diagnose::report::another_resolution::put_together;
 use crate::diagnose::report::doubts::doubted;
 use crate::diagnose::report::free_numbers::with_free_numbers;
 use crate::diagnose::report::gap_steps::{Part, gap_steps};
@@ -66,6 +67,7 @@ pub(crate) fn diagnosis(
     let floor = Floor::new(&findings.search, &findings.found.fit, findings.unexplained.is_none())?;
     let deviations = deviations(findings, &floor)?;
     let mut told = causes(findings, &standings, &deviations)?;
+    put_together(&mut told, &findings.search.problem);
     told.sort_by(|a, b| b.0.rms_shift.total_cmp(&a.0.rms_shift));
     let (mut causes, parts): (Vec<Cause>, Vec<Part>) = told.into_iter().unzip();
     add_stability(findings, &standings, ranking, (&mut causes, &parts))?;
@@ -154,6 +156,7 @@ fn add_stability(
     for (cause, part) in causes.iter_mut().zip(parts) {
         cause.stability = match part {
             Part::Term(i) => stability.terms[*i],
+            Part::Terms(all) => all.iter().filter_map(|i| stability.terms[*i]).reduce(f64::min),
             Part::Group { .. } if is_mount(cause) => of_mounts.next().copied(),
             _ => None,
         };

@@ -21,6 +21,8 @@ use rayon::prelude::*;
 pub(crate) enum Part {
     /// A term, by its index.
     Term(usize),
+    /// Several terms that are told as one cause.
+    Terms(Vec<usize>),
     /// Columns of the group of small errors, and the terms that are reported with them.
     Group {
         /// Indices of the group's columns.
@@ -108,7 +110,7 @@ fn with_first(findings: &Findings<'_>, fitted: &Model, parts: &[Part], k: usize)
     let is_later = |i: usize| {
         later.iter().any(|part| match part {
             Part::Term(own) => *own == i,
-            Part::Group { terms, .. } => terms.contains(&i),
+            Part::Terms(terms) | Part::Group { terms, .. } => terms.contains(&i),
             Part::Mistake | Part::Nothing => false,
         })
     };

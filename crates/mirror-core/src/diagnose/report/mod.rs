@@ -1,5 +1,6 @@
 //! From the findings to the report and its plots.
 
+mod another_resolution;
 pub(super) mod build;
 mod doubts;
 pub(super) mod fields;

@@ -33,6 +33,11 @@ pub(super) fn all() -> impl Iterator<Item = Mistake> {
     factors().map(of)
 }
 
+/// The factor of another resolution that a ratio of focal lengths is, within this of it.
+pub(crate) fn resolution_near(ratio: f64, within: f64) -> Option<f64> {
+    factors().find(|factor| (factor - ratio).abs() < within)
+}
+
 /// The likeliest beside small errors, of a factor and its neighbours; any other mistake as it is.
 ///
 /// # Errors
