@@ -30,7 +30,7 @@ def plot_measured_against_model(measurement: Measurement, file: Path) -> None:
     shown = [
         i for i in range(len(measurement.marker_names)) if (markers.measured & (markers.marker == i)).any()
     ]
-    columns = min(3, max(1, len(shown)))
+    columns = 2 if len(shown) == 4 else min(3, max(1, len(shown)))
     rows = max(1, -(-len(shown) // columns))
     figure = Figure(figsize=(5.0 * columns, 3.0 * rows + 0.6), layout="constrained")
     axes = figure.subplots(rows, columns, squeeze=False, sharey=True)
