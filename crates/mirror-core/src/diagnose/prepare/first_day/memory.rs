@@ -32,6 +32,7 @@ type Found = Option<(Mistake, f64)>;
 /// Results of the stages that depend only on the session and on the mistakes undone before, and the work so far.
 #[derive(Default)]
 pub(crate) struct Memory {
+    explained: Known<bool>,
     gravity: Known<Found>,
     /// Without and with changes of joints' zeros.
     slips: [Known<Found>; 2],
@@ -45,6 +46,15 @@ impl Memory {
         let next = self.budget.as_ref().map_or_else(|| own.clone(), WorkBudget::again);
         self.budget = Some(next.clone());
         next
+    }
+
+    /// Whether a single cause explains everything.
+    pub(super) fn explained(
+        &mut self,
+        undone: &[Mistake],
+        find: impl FnOnce() -> Result<bool>,
+    ) -> Result<bool> {
+        self.explained.remembered(undone, find)
     }
 
     /// Gravity in another direction.

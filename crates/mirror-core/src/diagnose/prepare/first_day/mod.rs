@@ -38,6 +38,7 @@ mod outlying;
 mod placed;
 mod reported;
 mod resolutions;
+mod single_cause;
 mod spoilt;
 #[cfg(test)]
 mod tests;
@@ -128,14 +129,15 @@ pub(crate) fn undone(
     }
     out.doubts = choice.doubts;
     // The errors of an unknown joint would look like springs.
+    let explained = memory.explained(&out.mistakes, || single_cause::is_enough(&out.problem))?;
     if out.lost.is_none()
         && !without.iter().any(|w| w == "gravity_direction")
         && let Some((mistake, odds)) =
-            memory.gravity(&out.mistakes, || loads::turned_gravity(&out.problem))?
+            memory.gravity(&out.mistakes, || loads::turned_gravity(&out.problem, explained))?
     {
         out.undo(&mistake, tempered(odds))?;
     }
-    if !out.unsettled {
+    if !out.unsettled && !explained {
         // Each round's is at a place that has not slipped yet, so the number of rounds is limited.
         while let Some((mistake, odds)) = change_point(&out, without, spoilt, memory)? {
             if mistake.has_no_word() {

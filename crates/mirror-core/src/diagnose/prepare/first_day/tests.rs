@@ -9,6 +9,7 @@ use super::misfit::Misfit;
 use super::mistake::Mistake;
 use super::optics::CLEAR_LOSS;
 use super::outlying;
+use super::single_cause;
 use super::variant::Variant;
 use crate::diagnose::data::recording::{Recording, Target};
 use crate::diagnose::model::problem::{Noise, Problem};
@@ -312,4 +313,38 @@ fn a_factor_that_makes_a_column_constant_is_no_unit() {
     assert!(!factors(&recording).contains(&degree) && factors(&recording).contains(&0.5));
     recording.frames.iter_mut().for_each(|f| f.commanded[joint] /= degree);
     assert!(factors(&recording).contains(&degree));
+}
+
+/// Of a session in which one marker may be elsewhere from the middle on.
+fn one_is_enough(wrong: Vec<Wrong>, slipped_m: f64, stated_share: f64) -> bool {
+    let world = World::new(4, false);
+    let plan = Plan { postures: 30, views: 3, noise_px: 0.15, seed: 3, wrong };
+    let mut after = World::new(4, false);
+    after.markers[2].2.x += slipped_m;
+    let mut recording = world.record(&plan);
+    let half = recording.frames.len() / 2;
+    for (frame, moved) in recording.frames.iter_mut().zip(after.record(&plan).frames).skip(half) {
+        frame.sightings = moved.sightings;
+    }
+    let mut problem = problem_of(&world, &recording);
+    problem.noise.corner_px = stated_share * plan.noise_px;
+    problem.noise.marker_px = stated_share * plan.noise_px;
+    single_cause::is_enough(&problem).unwrap()
+}
+
+#[test]
+fn one_cause_is_enough_where_it_leaves_the_noise_that_is_stated_or_that_views_show() {
+    let bone = World::new(4, false).bone("r_elbow");
+    let ratio = || vec![Wrong::Ratio(bone, 0.08)];
+    assert!(one_is_enough(Vec::new(), 0.0, 1.0));
+    assert!(one_is_enough(ratio(), 0.0, 1.0));
+    assert!(one_is_enough(ratio(), 0.0, 0.7));
+}
+
+#[test]
+fn one_cause_is_not_enough_beside_another_or_where_something_slipped() {
+    let bone = World::new(4, false).bone("r_elbow");
+    assert!(!one_is_enough(Vec::new(), 0.008, 1.0));
+    assert!(!one_is_enough(Vec::new(), 0.008, 0.7));
+    assert!(!one_is_enough(vec![Wrong::Ratio(bone, 0.08), Wrong::Mount(0, [0.01, 0.0, 0.0])], 0.0, 1.0));
 }

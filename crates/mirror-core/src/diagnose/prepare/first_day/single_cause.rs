@@ -1,0 +1,162 @@
+//! Single causes before anything else is known: the likeliest by the score test, fitted.
+//!
+//! Where one small cause explains everything to the noise, no slip can explain more, which is compared with small errors
+//! of every kind at once: it need not be searched.
+
+use super::verify::all_at_once;
+use crate::diagnose::effects::hypothesis::{Catalogue, Model};
+use crate::diagnose::effects::{Effect, vocabulary};
+use crate::diagnose::likelihood::fit::{FitOptions, Group, fit};
+use crate::diagnose::likelihood::noise::{effective, estimate};
+use crate::diagnose::likelihood::score_test::screen;
+use crate::diagnose::model::deformation::Deformation;
+use crate::diagnose::model::problem::{Noise, Problem};
+use crate::diagnose::model::solver::SOLVER;
+use crate::diagnose::principles::A_GAP;
+use crate::error::Result;
+use std::sync::Arc;
+
+/// Set free where the parts are mounted by hand: mounts alone leave no gap small enough to see a spring in.
+const MOUNTS: [&str; 4] = ["board_mount", "camera_mount", "marker_mount", "joint_offset"];
+
+/// Whether nothing, or a single cause of the vocabulary, leaves no more than the noise: the stated one, or what the views
+/// of a posture show among themselves.
+///
+/// # Errors
+/// Invalid parameters of camera or mirror.
+pub(super) fn is_enough(problem: &Problem) -> Result<bool> {
+    let exact = Beside::nothing(problem);
+    let Some(noise) = exact.gap(problem)? else { return Ok(true) };
+    let Some(best) = likeliest(problem.clone(), vocabulary(), &exact, noise)? else { return Ok(false) };
+    let best = best.fitted(noise)?;
+    if !is_gap(problem, best.left) {
+        return Ok(true);
+    }
+    let of_views = estimate(problem, &best.deformation(), problem.noise)?;
+    Ok(problem.of_observations(best.left) < A_GAP * problem.of_observations(of_views))
+}
+
+/// Whether what is left is a gap.
+fn is_gap(problem: &Problem, left: Noise) -> bool {
+    problem.of_observations(left) >= A_GAP * problem.of_observations(problem.noise)
+}
+
+/// What is free besides a cause, and where its fit starts.
+pub(super) struct Beside {
+    group: Group,
+    start: Model,
+}
+
+impl Beside {
+    /// Everything mounted as modelled.
+    pub fn nothing(problem: &Problem) -> Self {
+        Self { group: Group::default(), start: Model::nominal(problem) }
+    }
+
+    /// Mounts and zeros, fitted alone.
+    ///
+    /// # Errors
+    /// Invalid parameters of camera or mirror.
+    pub fn mounts(problem: &Problem) -> Result<Self> {
+        let effects = vocabulary().into_iter().filter(|e| MOUNTS.contains(&e.name()));
+        let catalogue = Catalogue::new(&problem.scene, effects.map(Arc::from).collect(), &[]);
+        let group = all_at_once(problem, &catalogue);
+        let mut start = Model::nominal(problem);
+        start.group = vec![0.0; group.columns.len()];
+        for _ in 0..SOLVER.rounds {
+            let deformation = start.deformation(problem, &catalogue, &group.columns);
+            let noise = effective(problem, &deformation, problem.noise, None)?;
+            let options = FitOptions { noise, steps: SOLVER.loose_steps };
+            start = fit(problem, &catalogue, &group, &start, options, None)?.model;
+        }
+        Ok(Self { group, start })
+    }
+
+    /// The noise at which what is left would be as large as it is; none where that is no gap.
+    ///
+    /// # Errors
+    /// Invalid parameters of camera or mirror.
+    pub fn gap(&self, problem: &Problem) -> Result<Option<Noise>> {
+        let none = Catalogue::new(&problem.scene, Vec::new(), &[]);
+        let deformation = self.start.deformation(problem, &none, &self.group.columns);
+        let noise = effective(problem, &deformation, problem.noise, None)?;
+        Ok(is_gap(problem, noise).then_some(noise))
+    }
+}
+
+/// The best single cause, by the score test.
+pub(super) struct Likeliest {
+    problem: Problem,
+    group: Group,
+    catalogue: Catalogue,
+    /// At the linear estimate.
+    model: Model,
+    pub log_bayes: f64,
+}
+
+/// The same, fitted.
+pub(super) struct Best {
+    problem: Problem,
+    group: Group,
+    catalogue: Catalogue,
+    model: Model,
+    /// What it leaves.
+    pub left: Noise,
+}
+
+impl Likeliest {
+    /// Fitted from there.
+    ///
+    /// # Errors
+    /// Invalid parameters of camera or mirror.
+    pub fn fitted(self, noise: Noise) -> Result<Best> {
+        let Self { problem, group, catalogue, model, .. } = self;
+        let options = FitOptions { noise, steps: SOLVER.loose_steps };
+        let model = fit(&problem, &catalogue, &group, &model, options, None)?.model;
+        let mut best = Best { left: problem.noise, problem, group, catalogue, model };
+        best.left = effective(&best.problem, &best.deformation(), best.problem.noise, None)?;
+        Ok(best)
+    }
+}
+
+impl Best {
+    fn deformation(&self) -> Deformation {
+        self.model.deformation(&self.problem, &self.catalogue, &self.group.columns)
+    }
+
+    /// Log marginal likelihood at a noise.
+    ///
+    /// # Errors
+    /// Invalid parameters of camera or mirror.
+    pub fn log_evidence(&self, noise: Noise) -> Result<f64> {
+        let options = FitOptions { noise, steps: SOLVER.loose_steps };
+        Ok(fit(&self.problem, &self.catalogue, &self.group, &self.model, options, None)?.log_evidence)
+    }
+}
+
+/// The likeliest of some effects at any place, none where there is none to try.
+///
+/// # Errors
+/// Invalid parameters of camera or mirror.
+pub(super) fn likeliest(
+    problem: Problem,
+    effects: Vec<Box<dyn Effect>>,
+    beside: &Beside,
+    noise: Noise,
+) -> Result<Option<Likeliest>> {
+    let catalogue = Catalogue::new(&problem.scene, effects.into_iter().map(Arc::from).collect(), &[]);
+    let (group, model) = (beside.group.clone(), &beside.start);
+    let screening = screen(&problem, &catalogue, &group, model, noise, None)?;
+    // What is free already is no cause.
+    let is_free = |h: usize| !group.columns.is_empty() && MOUNTS.contains(&catalogue.effect(h).name());
+    let Some(score) = screening.scores.iter().find(|s| !is_free(s.hypothesis)) else { return Ok(None) };
+    let along = screening.moved_along(score).map(|values| screening.active.model(model, &values));
+    let moved = along.unwrap_or_else(|| model.clone());
+    let mut with = moved.with(&catalogue, score.hypothesis, score.variant);
+    if let Some(term) = with.terms.last_mut() {
+        let positive = catalogue.effect(score.hypothesis).is_positive();
+        term.parameters = score.parameters.iter().map(|p| if positive { p.max(0.0) } else { *p }).collect();
+    }
+    let log_bayes = score.log_bayes;
+    Ok(Some(Likeliest { problem, group, catalogue, model: with, log_bayes }))
+}
