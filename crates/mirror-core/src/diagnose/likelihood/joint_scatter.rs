@@ -147,6 +147,40 @@ impl JointScatter {
         Ok(Self { std_rad, noise, cost, widening })
     }
 
+    /// The joints that alone would scatter most likely around a model, best first, to first order: with one error e of
+    /// variance s² in each posture the likelihood gains `½ Σ (g² / (h + s⁻²) − log(1 + h s²))`.
+    ///
+    /// # Errors
+    /// Invalid parameters of the camera or mirror.
+    pub fn likeliest_alone(
+        problem: &Problem,
+        model: &Deformation,
+        joints: &[NodeId],
+        measured: Noise,
+        mask: Option<&[bool]>,
+    ) -> Result<Vec<NodeId>> {
+        let noise = effective(problem, model, measured, mask)?;
+        let sums = sums(problem, model, &grouped(problem, mask), joints, noise)?;
+        let gain = |i: usize| {
+            let mut variance = START_RAD.powi(2);
+            for _ in 0..ROUNDS {
+                let square = |of: &OfPosture| {
+                    let precision = of.h[(i, i)] + 1.0 / variance;
+                    (of.g[i] / precision).powi(2) + 1.0 / precision
+                };
+                variance = sums.iter().map(square).sum::<f64>() / sums.len().max(1) as f64;
+            }
+            let of_posture = |of: &OfPosture| {
+                let h = of.h[(i, i)];
+                of.g[i].powi(2) / (h + 1.0 / variance) - (h * variance).ln_1p()
+            };
+            sums.iter().map(of_posture).sum::<f64>()
+        };
+        let mut gains: Vec<(f64, NodeId)> = joints.iter().enumerate().map(|(i, j)| (gain(i), *j)).collect();
+        gains.sort_by(|a, b| b.0.total_cmp(&a.0));
+        Ok(gains.into_iter().map(|g| g.1).collect())
+    }
+
     /// The same model without scatter, at the noise that it leaves by itself.
     ///
     /// # Errors

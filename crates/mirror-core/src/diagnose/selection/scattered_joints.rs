@@ -15,12 +15,15 @@ use crate::diagnose::model::problem::Noise;
 use crate::diagnose::model::solver::SOLVER;
 use crate::diagnose::model::work_budget::A_STAGE;
 use crate::diagnose::prepare::options::DiagnoseOptions;
-use crate::diagnose::principles::{LEAST_LOG_ODDS, LOG_PRIOR_STRUCTURE};
+use crate::diagnose::principles::{LEAST_LOG_ODDS, LOG_PRIOR_STRUCTURE, Size};
 use crate::diagnose::random_effects::geometric_tolerances::Geometry;
 use crate::diagnose::selection::extended_models::{Extended, extend_models};
 use crate::diagnose::selection::search::{Found, Search};
 use crate::diagnose::selection::with_setup::with_or_without_setup;
 use crate::error::Result;
+
+/// Joints whose scatter alone is compared with that of all, the likeliest first.
+const ALONE: Size = 3;
 
 /// The result of a search beside the joints' scatter.
 pub(crate) struct BesideScatter<'a> {
@@ -189,7 +192,10 @@ impl Weighed {
         joints: &[NodeId],
         of_all: f64,
     ) -> Result<bool> {
-        for &joint in joints {
+        let deformation = search.deformation(&found.fit.model);
+        let (problem, mask) = (&search.problem, search.mask);
+        let alone = JointScatter::likeliest_alone(problem, &deformation, joints, self.measured, mask)?;
+        for joint in alone.into_iter().take(ALONE) {
             if self.with_scatter(search, &found.fit, &[joint])?.0 > of_all {
                 return Ok(true);
             }

@@ -9,6 +9,7 @@ mod false_together;
 #[allow(dead_code)]
 pub(super) mod gap_world;
 mod jacobians;
+mod joint_scatter;
 mod linear_models;
 mod near_ties;
 mod noise;

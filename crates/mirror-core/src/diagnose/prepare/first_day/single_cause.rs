@@ -8,7 +8,7 @@ use crate::diagnose::effects::hypothesis::{Catalogue, Model};
 use crate::diagnose::effects::{Effect, vocabulary};
 use crate::diagnose::likelihood::fit::{FitOptions, Group, fit};
 use crate::diagnose::likelihood::noise::{effective, estimate};
-use crate::diagnose::likelihood::score_test::screen;
+use crate::diagnose::likelihood::score_test::{Score, screen};
 use crate::diagnose::model::deformation::Deformation;
 use crate::diagnose::model::problem::{Noise, Problem};
 use crate::diagnose::model::solver::SOLVER;
@@ -149,14 +149,25 @@ pub(super) fn likeliest(
     let screening = screen(&problem, &catalogue, &group, model, noise, None)?;
     // What is free already is no cause.
     let is_free = |h: usize| !group.columns.is_empty() && MOUNTS.contains(&catalogue.effect(h).name());
-    let Some(score) = screening.scores.iter().find(|s| !is_free(s.hypothesis)) else { return Ok(None) };
-    let along = screening.moved_along(score).map(|values| screening.active.model(model, &values));
-    let moved = along.unwrap_or_else(|| model.clone());
-    let mut with = moved.with(&catalogue, score.hypothesis, score.variant);
-    if let Some(term) = with.terms.last_mut() {
-        let positive = catalogue.effect(score.hypothesis).is_positive();
-        term.parameters = score.parameters.iter().map(|p| if positive { p.max(0.0) } else { *p }).collect();
-    }
-    let log_bayes = score.log_bayes;
-    Ok(Some(Likeliest { problem, group, catalogue, model: with, log_bayes }))
+    let at_estimate = |score: &Score| {
+        let along = screening.moved_along(score).map(|values| screening.active.model(model, &values));
+        let moved = along.unwrap_or_else(|| model.clone());
+        let mut with = moved.with(&catalogue, score.hypothesis, score.variant);
+        if let Some(term) = with.terms.last_mut() {
+            let positive = catalogue.effect(score.hypothesis).is_positive();
+            term.parameters =
+                score.parameters.iter().map(|p| if positive { p.max(0.0) } else { *p }).collect();
+        }
+        with
+    };
+    // A linear estimate may be no camera, or no pane.
+    let is_possible = |with: &Model| {
+        let deformation = with.deformation(&problem, &catalogue, &group.columns);
+        problem.eye(&deformation).is_ok()
+    };
+    let others = screening.scores.iter().filter(|s| !is_free(s.hypothesis));
+    let mut possible = others.map(|s| (s.log_bayes, at_estimate(s))).filter(|(_, with)| is_possible(with));
+    let Some((log_bayes, model)) = possible.next() else { return Ok(None) };
+    drop(possible);
+    Ok(Some(Likeliest { problem, group, catalogue, model, log_bayes }))
 }

@@ -9,9 +9,10 @@ use super::misfit::Misfit;
 use super::mistake::Mistake;
 use super::optics::CLEAR_LOSS;
 use super::outlying;
-use super::single_cause;
+use super::single_cause::{self, Beside};
 use super::variant::Variant;
 use crate::diagnose::data::recording::{Recording, Target};
+use crate::diagnose::effects::vocabulary;
 use crate::diagnose::model::problem::{Noise, Problem};
 use crate::diagnose::prepare::first_result::FirstResult;
 use crate::diagnose::tests::gap_world::{Plan, World, Wrong};
@@ -347,4 +348,16 @@ fn one_cause_is_not_enough_beside_another_or_where_something_slipped() {
     assert!(!one_is_enough(Vec::new(), 0.008, 1.0));
     assert!(!one_is_enough(Vec::new(), 0.008, 0.7));
     assert!(!one_is_enough(vec![Wrong::Ratio(bone, 0.08), Wrong::Mount(0, [0.01, 0.0, 0.0])], 0.0, 1.0));
+}
+
+/// Panes are up to 10 cm thick; a file that tells 9.5 cm of one of 12 makes the linear estimate a pane that is none.
+#[test]
+fn an_estimate_that_is_no_pane_is_no_cause() {
+    let world = World::new(4, false);
+    let mut recording = world.record(&Plan { wrong: vec![Wrong::Glass(0.12)], ..PLAN });
+    recording.sight.as_mut().unwrap().glass_thickness_m = 0.095;
+    let problem = problem_of(&world, &recording);
+    let panes = || vocabulary().into_iter().filter(|e| e.name() == "mirror_glass").collect::<Vec<_>>();
+    let found = single_cause::likeliest(problem.clone(), panes(), &Beside::nothing(&problem), problem.noise);
+    assert!(found.unwrap().is_none_or(|pane| pane.fitted(problem.noise).is_ok()));
 }
