@@ -268,3 +268,24 @@ fn the_resolution_of_a_camera_file_is_exact_beside_mounts_by_hand() {
         assert!((cause.parameters["factor"].value - factor).abs() < 1e-9, "{factor}: {cause:?}");
     }
 }
+
+/// With the mounts as modelled further markers seem to be on other links too.
+#[test]
+fn a_marker_on_another_link_is_named_beside_mounts_by_hand() {
+    let mut real = World::new(5, false);
+    let robot = Robot::from_urdf_str(&real.urdf()).unwrap();
+    let hand = real.markers.iter().position(|m| m.0 == "l_hand").unwrap();
+    real.markers[hand].1 = real.bone("l_elbow");
+    for seed in [51, 52] {
+        let mut wrong = mounted_by_hand(&real, seed);
+        if let Wrong::CameraMount(mount) = &mut wrong[0] {
+            mount.iter_mut().for_each(|m| *m *= 2.0);
+        }
+        wrong.push(Wrong::BoardMount([0.011, 0.004, -0.033, -0.002, 0.003, -0.005]));
+        let recording = real.record(&Plan { postures: 50, seed, wrong, ..Plan::default() });
+        let found = diagnose(&robot, &recording, &DiagnoseOptions::default(), &[]).unwrap();
+        assert!(of_robot(&found).is_empty(), "{:?}", names(&found));
+        let told = names(&found);
+        assert!(told.iter().any(|t| t == "marker_parent@marker:l_hand<-link:l_elbow_link"), "{told:?}");
+    }
+}

@@ -53,7 +53,13 @@ pub(super) fn chosen(
     lines: &mut Vec<String>,
 ) -> Result<Choice> {
     let scored_on = spread(&all.postures, FRAMES, 1);
-    let mut weighed = Weighed::new(session, core::iter::once(nominal.clone()).chain(chains).collect(), all)?;
+    let mut tried: Vec<Chain> = core::iter::once(nominal.clone()).chain(chains).collect();
+    // Displaced mounts need further mistakes at the model's: the first of each chain may be enough beside small errors.
+    let longer = tried.iter().filter(|chain| chain.mistakes.len() > 1);
+    let first: Vec<Chain> = longer.map(|c| nominal.with(&c.mistakes[0], all, &scored_on)).collect();
+    tried.extend(first);
+    unlike(&mut tried, usize::MAX);
+    let mut weighed = Weighed::new(session, tried, all)?;
     // A small cause may explain what a mistake with free parameters absorbs: the best chain is compared without
     // each of its mistakes.
     let (mut values, mut log_odds) = loop {
