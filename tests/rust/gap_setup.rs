@@ -240,6 +240,14 @@ fn mistakes_of_columns_are_named_beside_a_set_up_by_hand() {
         let found = diagnose(&robot, &recording, &DiagnoseOptions::default(), &[]).unwrap();
         let told: Vec<String> = of_robot(&found).iter().map(|c| format!("{}@{}", c.effect, c.at)).collect();
         assert_eq!(told, [want], "{:?} {:#?}", names(&found), found.trace);
+        let step_s = recording.frames[1].time_s - recording.frames[0].time_s;
+        let rows = [0.36, 0.9][usize::from(want == "joint_late@robot")];
+        if let Some(delay) = of_robot(&found)[0].parameters.get("delay_s") {
+            assert!((delay.value - rows * step_s).abs() < 4.0 * delay.std, "{want}: {delay:?}");
+            assert!(delay.std < 0.01 * step_s, "{want}: {delay:?}");
+        } else {
+            assert!(want.starts_with("axis_sign"), "{want} has no delay");
+        }
     }
 }
 

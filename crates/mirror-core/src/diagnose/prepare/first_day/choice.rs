@@ -19,7 +19,9 @@ use super::verify::{Tolerant, smaller};
 use crate::diagnose::data::diagnosis::{Alternative, Cause};
 use crate::diagnose::likelihood::probability::against;
 use crate::diagnose::model::elementary::Column;
+use crate::diagnose::model::mistake_parameters::MistakeParameter;
 use crate::diagnose::model::problem::{Noise, Problem};
+use crate::diagnose::model::solver::SOLVER;
 use crate::diagnose::principles::{BEYOND_DOUBT, LEAST_LOG_ODDS, LOG_PRIOR_STRUCTURE, TEMPER, UNTHOUGHT_OF};
 use crate::error::Result;
 
@@ -87,6 +89,8 @@ pub(super) fn chosen(
         }
     };
     weighed.with_markers_in_place(&mut values, &mut log_odds)?;
+    let best = (0..log_odds.len()).max_by(|&a, &b| log_odds[a].total_cmp(&log_odds[b])).unwrap_or(0);
+    let mistakes = weighed.with_delays(best);
     let Weighed { chains: tried, fits, .. } = weighed;
     for (chain, value) in tried.iter().zip(&values) {
         let names: Vec<&str> = chain.mistakes.iter().map(Mistake::effect).collect();
@@ -96,7 +100,6 @@ pub(super) fn chosen(
             chain.loss
         ));
     }
-    let best = (0..tried.len()).max_by(|&a, &b| log_odds[a].total_cmp(&log_odds[b])).unwrap_or(0);
     let others: Vec<f64> =
         (0..tried.len()).filter(|&i| i != best).map(|i| log_odds[i] - log_odds[best]).collect();
     let probability = against(&others);
@@ -122,7 +125,7 @@ pub(super) fn chosen(
         .map(|(effect, at)| Alternative { effect, at, probability: of(0) })
         .into_iter()
         .collect();
-    Ok(Choice { mistakes: tried[best].mistakes.clone(), probability, instead, doubts: Vec::new() })
+    Ok(Choice { mistakes, probability, instead, doubts: Vec::new() })
 }
 
 /// Chains of mistakes, the first without any, each fitted with all small errors.
@@ -164,12 +167,42 @@ impl<'a> Weighed<'a> {
     /// What is fitted of a chain besides small errors: free positions, and by what a delay is still off. No small error is like
     /// one, and its first estimate was made with all mounts as the model has them.
     fn free(&self, chain: &Chain, problem: &Problem) -> Vec<(Column, f64, f64)> {
-        let names = names(&self.session.robot);
-        let late = chain.mistakes.iter().filter(|m| matches!(m, Mistake::Late { .. }));
-        let delays = late.flat_map(|m| m.free_parameters(&self.session.recording, problem, &names));
         let mut free = free_columns(chain, problem, &self.frames);
+        let delays = chain.mistakes.iter().flat_map(|m| self.delays(m, problem));
         free.extend(delays.map(|delay| (delay.column, delay.std, 0.0)));
         free
+    }
+
+    /// By what a delay is off, rows: one parameter for each column that is late.
+    fn delays(&self, mistake: &Mistake, problem: &Problem) -> Vec<MistakeParameter> {
+        if !matches!(mistake, Mistake::Late { .. }) {
+            return Vec::new();
+        }
+        mistake.free_parameters(&self.session.recording, problem, &names(&self.session.robot))
+    }
+
+    /// The mistakes of a chain with their delays as fitted beside all small errors: what is added to them later is so small that
+    /// its first order is enough. Of several columns the mean by inverse variances.
+    fn with_delays(&self, which: usize) -> Vec<Mistake> {
+        let mut mistakes = self.chains[which].mistakes.clone();
+        let Some(fit) = &self.fits[which] else { return mistakes };
+        let counts: Vec<usize> = mistakes.iter().map(|m| self.delays(m, fit.problem()).len()).collect();
+        let further = fit.further();
+        let mut at = further.len().saturating_sub(counts.iter().sum());
+        for (mistake, count) in mistakes.iter_mut().zip(counts) {
+            let own = &further[at..at + count];
+            at += count;
+            let weight: f64 = own.iter().map(|d| d.1.powi(-2)).sum();
+            let more = own.iter().map(|d| d.0 * d.1.powi(-2)).sum::<f64>() / weight;
+            if let Mistake::Late { rows, .. } = mistake
+                && more.is_finite()
+            {
+                // Within the rows that it lies between.
+                let (low, high) = (rows.floor(), rows.ceil());
+                *rows = (*rows + more).clamp(low + SOLVER.difference, high - SOLVER.difference);
+            }
+        }
+        mistakes
     }
 
     /// The smallest noise that any chain leaves.
