@@ -5,13 +5,14 @@
 //! picture, a rotated board, a marker on another link. In order:
 //!
 //! 1. [`hung`]: rows that repeat one measurement are left out; [`optics`]: boards that no small error makes
-//!    possible; these mistakes are undone first;
+//!    possible, with the likeliest of other resolutions ([`resolutions`]); these mistakes are undone first;
 //! 2. [`background`]: what stands still in the picture under a marker's name is left out;
 //! 3. [`alternatives`] of the body and of the log, scored at the nominal model by a robust loss ([`misfit`]),
 //!    singly, and on top of the best few;
 //! 4. [`verify`]: the best few against small errors of every kind at once, by marginal likelihood;
 //! 5. gravity in other directions, by the springs that its loads would need ([`loads`]);
-//! 6. slips and lost zeros during the session ([`changes`]);
+//! 6. slips and lost zeros during the session ([`changes`]), unless a single cause explains everything
+//!    ([`single_cause`]);
 //! 7. columns that no effect describes ([`lost`]);
 //! 8. the best chain is undone exactly ([`mistake`]), and the usual search continues from there.
 
