@@ -8,7 +8,7 @@ use crate::diagnose::principles::{
     SURE_DEVIATIONS, TEMPER, UNTHOUGHT_OF, WORTH_NAMING,
 };
 use crate::diagnose::random_effects::law_discrepancy::LAW_SHARE;
-use crate::diagnose::report::build::DROOP_BESIDE_BAND;
+use crate::diagnose::report::named_causes::DROOP_BESIDE_BAND;
 use crate::diagnose::selection::nonparametric::IMITATOR_SHARE;
 use crate::diagnose::selection::with_setup::LEAST_LOG_ODDS as LEAST_LOG_ODDS_BESIDE_SETUP;
 use crate::diagnose::selection::with_tolerances::FEWEST_TOLD;
