@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections import Counter
+
 from .formatting import BY_HAND, dependence, effect_in_words, listed, place_in_words, place_with_article
 from .parts import Place
 from .result import Diagnosis
@@ -27,6 +29,12 @@ def next_step(found: Diagnosis) -> str:
     """What to do next, in one or two sentences."""
     verdict = found.verdict
     if verdict == "none":
+        whole = _frames_left_out(found)
+        if whole:
+            return (
+                f"Look at the frames of which much was left out ({_first_of(whole)}), whether their rows belong to their pictures. Beside them there is "
+                "nothing to mend: the model predicts as well as the measurement's noise allows."
+            )
         return "Nothing to mend: the model predicts as well as the measurement's noise allows."
     if verdict == "insufficient":
         return "Record more: postures in which the board and the markers are seen together; `mirror-posture check` tells what is missing."
@@ -58,6 +66,20 @@ def next_step(found: Diagnosis) -> str:
         return ". ".join(("; ".join(steps), f"Then look at {_unexplained_place(found)}.")) if steps else ""
     last = "Check it on a session of other postures with --check." if written else "Then diagnose again."
     return f"{'; '.join(steps)}. {last}"
+
+
+def _frames_left_out(found: Diagnosis) -> list[int]:
+    """Frames of which several observations, or the board, are far from the model: there it is a row or a picture that is wrong, not a detection."""
+    reasons = ("nearly all that was seen", "far from all that small errors allow", "no flat mirror explains")
+    far = [one for one in found.data.left_out if one.why.startswith(reasons)]
+    counts = Counter(one.frame for one in far)
+    return sorted({one.frame for one in far if counts[one.frame] > 1 or one.target == "board"})
+
+
+def _first_of(frames: list[int], most: int = 12) -> str:
+    """Numbers of frames in one line, shortened where there are many."""
+    more = f", and {len(frames) - most} more" if len(frames) > most else ""
+    return ", ".join(str(frame) for frame in frames[:most]) + more
 
 
 def _unexplained(found: Diagnosis) -> Place | None:

@@ -2,8 +2,8 @@
 
 use crate::diagnose::assessment::findings::Findings;
 use crate::diagnose::data::diagnosis::{Data, LeftOut};
-use crate::diagnose::data::recording::{Recording, Target, Via};
-use crate::diagnose::model::frame::{FrameWork, Task};
+use crate::diagnose::data::recording::{Recording, Sighting, Target, Via};
+use crate::diagnose::model::frame::{FEWEST_CORNERS, FrameWork, Task};
 use crate::diagnose::model::problem::{Observation, Problem, Seen};
 use crate::diagnose::principles::{FEWEST_OBSERVATIONS, FEWEST_POSTURES, WORTH_NAMING};
 use crate::error::Result;
@@ -48,12 +48,13 @@ pub(crate) fn data(sources: &Sources<'_>, findings: &Findings<'_>) -> Result<Dat
                 });
             }
         };
-        let has_board =
-            frame.sightings.iter().any(|s| matches!((s.target, s.via), (Target::Corner(_), Via::Mirror)));
+        let corner = |s: &&Sighting| matches!((s.target, s.via), (Target::Corner(_), Via::Mirror));
+        let corners = frame.sightings.iter().filter(corner).count();
         let slipped = findings.slip.is_some_and(|s| (s.first..=s.last).contains(&f));
         let mirror = clean.boards.get(f).copied().flatten().is_some();
-        if has_board && !mirror && !slipped {
-            tell("board", None, "too few corners, or corners that no flat mirror explains");
+        if corners > 0 && !mirror && !slipped {
+            let few = format!("too few corners: {corners}, needed {FEWEST_CORNERS}");
+            tell("board", None, if corners < FEWEST_CORNERS { &few } else { LeftOut::NO_MIRROR });
         }
         let names = &arranged.scene.marker_names;
         let others = &arranged.frames[f].others;
@@ -98,6 +99,21 @@ pub(crate) fn insufficient(data: &Data) -> bool {
 /// Whether so many observations were left out as false that the agreement of the rest with the model says little.
 pub(crate) fn much_is_false(data: &Data) -> bool {
     data.false_count() as f64 > WORTH_NAMING * data.points_given as f64
+}
+
+/// Whether in more than a negligible share of the frames no flat mirror explains the board.
+pub(crate) fn many_boards_are_false(data: &Data) -> bool {
+    data.boards_without_mirror() as f64 > WORTH_NAMING * data.frames_given as f64
+}
+
+/// In how many frames no flat mirror explains the board, in words.
+pub(crate) fn what_boards_are_false(data: &Data) -> String {
+    format!(
+        "in {} of {} frames no flat mirror explains the board's corners, and they were left out: the board counted from another corner, another grid, or a mirror \
+         that is not flat there; look at these frames' pictures",
+        data.boards_without_mirror(),
+        data.frames_given
+    )
 }
 
 /// How many observations are false, in words.

@@ -330,6 +330,8 @@ pub struct LeftOut {
 impl LeftOut {
     /// How the reason begins where a marker's observation is false.
     pub(crate) const FAR_FROM: &str = "far from";
+    /// Why boards are left out that are seen whole and are no reflection of the board.
+    pub(crate) const NO_MIRROR: &str = "no flat mirror explains its corners";
     /// How it begins where something in the background was taken for a marker.
     pub(crate) const AT_ONE_PIXEL: &str = "at one pixel";
 
@@ -343,6 +345,12 @@ impl Data {
     /// How many observations of markers were left out as false.
     pub(crate) fn false_count(&self) -> usize {
         self.left_out.iter().filter(|l| l.is_false()).count()
+    }
+
+    /// In how many frames the board is seen whole and is no reflection of the board.
+    pub(crate) fn boards_without_mirror(&self) -> usize {
+        let board = |l: &&LeftOut| l.target == "board" && l.why.starts_with(LeftOut::NO_MIRROR);
+        self.left_out.iter().filter(board).count()
     }
 }
 

@@ -28,7 +28,7 @@ pub(crate) fn leave_out_wrong_grids(problem: &mut Problem) -> Vec<LeftOut> {
             frame: problem.frame_numbers[f],
             target: "board".to_owned(),
             deviations: Some(rms / better.max(problem.noise.corner_px)),
-            why: "no flat mirror explains its corners: another grid, or another picture".to_owned(),
+            why: format!("{}: another grid, or another picture", LeftOut::NO_MIRROR),
         })
         .collect();
     for (f, _) in wrong {

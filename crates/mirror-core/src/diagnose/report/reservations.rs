@@ -5,7 +5,7 @@ use crate::diagnose::assessment::evidence;
 use crate::diagnose::assessment::findings::Findings;
 use crate::diagnose::criteria::cross_validation::{in_sample, seen_size};
 use crate::diagnose::criteria::lack_of_fit::adequacy;
-use crate::diagnose::data::diagnosis::{Cause, Data, Diagnosis, Gap, LeftOut, Verdict};
+use crate::diagnose::data::diagnosis::{Cause, Data, Diagnosis, Gap, LeftOut, Verdict, Where};
 use crate::diagnose::data::recording::Recording;
 use crate::diagnose::likelihood::probability::unfinished;
 use crate::diagnose::prepare::first_day::leaves_gross;
@@ -90,6 +90,7 @@ pub(crate) fn beside_remainder(
     let deformation = search.deformation(&findings.found.fit.model);
     let left = seen_size(&in_sample(&search.problem, &deformation, search.measured_noise)?).powi(2);
     let remainder = (left - noise_square(&search.problem, search.measured_noise)).max(0.0);
+    contradicted_slips(causes, findings);
     // A droop is told with the stiction that it belongs to.
     for cause in causes.iter_mut().filter(|c| c.rms_shift > 0.0) {
         let own = cause.rms_shift.powi(2);
@@ -99,6 +100,42 @@ pub(crate) fn beside_remainder(
         causes.iter_mut().for_each(|c| c.probability *= MAJORITY);
     }
     Ok(())
+}
+
+/// Limits what is told of a slip where what is left at its place depends on time: it is no single step there, and a
+/// mount that works loose is as probable.
+fn contradicted_slips(causes: &mut [Cause], findings: &Findings<'_>) {
+    let scene = &findings.search.problem.scene;
+    let places = findings.unexplained.iter().flat_map(|u| &u.places);
+    let wandering: Vec<String> = places
+        .filter(|p| p.depends_on.as_deref().is_some_and(|on| on.starts_with("time")))
+        .map(|p| p.name(scene))
+        .collect();
+    for slip in causes.iter_mut().filter(|c| c.effect == "slip" && wandering.contains(&c.at)) {
+        slip.probability *= MAJORITY;
+    }
+}
+
+/// Limits what is told where neither search nor selection can be trusted: the limit of work was reached, a remainder is
+/// left, and without a region of postures other causes are selected that predict worse, or in every region others. Of
+/// each cause, mounts by hand and whole mistakes apart, one that was not tested may be as probable.
+fn where_unsettled(diagnosis: &mut Diagnosis, findings: &Findings<'_>) {
+    let gap = &diagnosis.gap;
+    let all_changed = gap.chosen_anew.as_ref().is_some_and(|anew| anew.changed == anew.regions);
+    let unsettled = all_changed || hangs_on_regions(gap).is_some();
+    if !unsettled || findings.found.cut_off || !findings.search.problem.budget.is_spent() {
+        return;
+    }
+    let whole = |c: &Cause| findings.mistakes.iter().any(|m| m.effect == c.effect && m.at == c.at);
+    let stays = |c: &Cause| c.effect.ends_with("_mount") || (whole(c) && c.effect != "slip");
+    for cause in diagnosis.causes.iter_mut().filter(|c| !stays(c)) {
+        cause.probability = unfinished(cause.probability);
+    }
+    diagnosis.warnings.push(
+        "a remainder is left, the search reached its limit of work, and parts of the postures select other causes: each cause is told as no more probable than \
+         one that was not tested"
+            .into(),
+    );
 }
 
 /// Limits what is told where the search ended at its limit of work: of each cause and each displaced mount, a hypothesis
@@ -115,6 +152,19 @@ pub(crate) fn reserve(diagnosis: &mut Diagnosis, findings: &Findings<'_>) {
     if diagnosis.verdict == Verdict::None && evidence::much_is_false(&diagnosis.data) {
         diagnosis.sentence = evidence::what_is_false(&diagnosis.data);
         diagnosis.verdict = Verdict::Unknown;
+    }
+    if evidence::many_boards_are_false(&diagnosis.data) {
+        let told = evidence::what_boards_are_false(&diagnosis.data);
+        if diagnosis.verdict == Verdict::None {
+            diagnosis.sentence = format!("The rest agrees with the nominal model, but {told}.");
+            diagnosis.verdict = Verdict::Unknown;
+            diagnosis.r#where = vec![Where { at: "board".into(), share: 1.0, depends_on: None }];
+        } else {
+            diagnosis.warnings.push(told);
+        }
+    }
+    if diagnosis.verdict == Verdict::Partial {
+        where_unsettled(diagnosis, findings);
     }
     // With too few postures no test may be significant; a gap far above its own floor is still no agreement.
     let far = |gap: Option<f64>, floor: Option<f64>| matches!((gap, floor), (Some(gap), Some(floor)) if gap > ABOVE_SCATTER * floor);

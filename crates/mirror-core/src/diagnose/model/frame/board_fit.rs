@@ -17,7 +17,7 @@ use core::cell::RefCell;
 use nalgebra::{Vector2, Vector3};
 
 /// A board with fewer corners than this does not show a plane with a margin: one more than the plane has numbers.
-const FEWEST_CORNERS: Count = PROJECTED + 1;
+pub(crate) const FEWEST_CORNERS: Count = PROJECTED + 1;
 
 /// A frame's corners as functions of the mirror's foot point.
 struct BoardView<'a> {

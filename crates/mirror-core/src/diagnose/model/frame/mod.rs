@@ -24,6 +24,7 @@ mod sight;
 mod tests;
 mod work;
 
+pub(crate) use board_fit::FEWEST_CORNERS;
 pub(crate) use products::{LANES, PROJECTED, Span, Table, add_products, stride};
 pub(crate) use sight::Wanted;
 pub(crate) use work::{FrameWork, Task};
