@@ -162,3 +162,21 @@ def test_a_marker_that_works_loose_is_no_sure_single_step(tmp_path: Path) -> Non
     found = diagnose(folder)
     assert found.verdict in ("partial", "unknown") and found.where[0].at == "marker:r_hand"
     assert all(cause.probability < 0.5 for cause in found.causes), found.causes
+
+
+def test_a_board_at_another_place_and_a_link_of_another_length_are_not_told_apart(
+    sound: Path, tmp_path: Path
+) -> None:
+    """The board's 12 mm on the base that carries the arms are a shift of these arms, to the mirror: neither is certain."""
+    folder = tmp_path / "s"
+    shutil.copytree(sound, folder)
+    urdf = folder / "robot.urdf"
+    text = urdf.read_text()
+    assert text.count('"0.034 0 0.047"') == 1
+    urdf.write_text(text.replace('"0.034 0 0.047"', '"0.034 0.012 0.047"'))
+    found = diagnose(folder)
+    assert found.verdict == "explained", found.sentence
+    told = {(c.effect, c.at): c.probability for c in found.causes}
+    told |= {(a.effect, a.at): a.probability for c in found.causes for a in c.alternatives}
+    assert told.get(("board_mount", "board"), 0.0) > 0.3, told
+    assert all(p < 0.7 for (effect, _), p in told.items() if effect == "link_length"), told

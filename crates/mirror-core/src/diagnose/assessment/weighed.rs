@@ -13,6 +13,7 @@ use crate::diagnose::prepare::first_day::Doubt;
 use crate::diagnose::prepare::prepared::Prepared;
 use crate::diagnose::principles::{TEMPER, UNTHOUGHT_OF};
 use crate::diagnose::selection::alternatives::settled;
+use crate::diagnose::selection::board_instead::board_instead;
 use crate::diagnose::selection::extended_models::Extended;
 use crate::diagnose::selection::nonparametric::{Unexplained, unexplained};
 use crate::diagnose::selection::search::{Found, Search};
@@ -68,6 +69,7 @@ pub(crate) fn weighed<'a>(
     let shapes_vary = geometry.as_ref().is_some_and(|g| !g.setup_only);
     for i in (0..standings.len()).filter(|&i| !shapes_vary && standings[i].is_some()) {
         doubts.extend(zeros_of_its_joints(&search, &mut found, i)?);
+        doubts.extend(board_in_its_place(&search, &mut found, i)?);
     }
     let free = has_free(&search, &found);
     let left = left(&search, &found)?;
@@ -127,21 +129,35 @@ fn zeros_of_its_joints(search: &Search<'_>, found: &mut Found, i: usize) -> Resu
     let Some(ZerosInstead { joints: (first, second), odds }) = zeros_instead(search, found, i)? else {
         return Ok(None);
     };
+    let scene = &search.problem.scene;
+    let place = |node| Place::Joint(node).name(scene);
+    let told = format!("zeros of {} and {}", place(first), place(second));
+    Ok(instead_of(search, found, i, (("joint_offset", place(first)), told, odds)))
+}
+
+/// A translated board as an alternative of a link's length; none where it is not worth naming.
+fn board_in_its_place(search: &Search<'_>, found: &mut Found, i: usize) -> Result<Option<Doubt>> {
+    let Some(odds) = board_instead(search, found, i)? else { return Ok(None) };
+    let board = Place::Board.name(&search.problem.scene);
+    Ok(instead_of(search, found, i, (("board_mount", board), "a translated board".into(), odds)))
+}
+
+/// What could be in the place of the i-th cause, by its log odds.
+fn instead_of(
+    search: &Search<'_>,
+    found: &mut Found,
+    i: usize,
+    ((effect, at), told, odds): ((&str, String), String, f64),
+) -> Option<Doubt> {
     let weight = (TEMPER * odds).exp().min(1.0);
     if weight < UNTHOUGHT_OF {
-        return Ok(None);
+        return None;
     }
     let scene = &search.problem.scene;
     let own = found.fit.model.terms[i].hypothesis;
-    let place = |place: Place| place.name(scene);
-    let (carrying, carried) = (place(Place::Joint(first)), place(Place::Joint(second)));
-    found.trace.push(format!(
-        "zeros of {carrying} and {carried} instead of {}: log odds {odds:.1}",
-        search.catalogue.name(scene, own)
-    ));
+    found.trace.push(format!("{told} instead of {}: log odds {odds:.1}", search.catalogue.name(scene, own)));
     let probability = weight / (1.0 + weight);
-    let effect = search.catalogue.effect(own).name().to_owned();
-    let of = (effect, place(search.catalogue.hypotheses[own].place));
-    let mistake = Alternative { effect: "joint_offset".into(), at: carrying, probability };
-    Ok(Some(Doubt { of, mistake }))
+    let named = search.catalogue.effect(own).name().to_owned();
+    let of = (named, search.catalogue.hypotheses[own].place.name(scene));
+    Some(Doubt { of, mistake: Alternative { effect: effect.into(), at, probability } })
 }

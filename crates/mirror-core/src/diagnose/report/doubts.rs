@@ -9,5 +9,7 @@ pub(super) fn doubted(cause: &mut Cause, doubts: &[Doubt]) {
     let mistakes: Vec<_> = doubts.iter().filter(of_it).map(|d| d.mistake.clone()).collect();
     let left = 1.0 - mistakes.iter().map(|m| m.probability).sum::<f64>();
     cause.probability *= left.max(0.0);
+    // The search may have compared the same with other priors.
+    cause.alternatives.retain(|a| !mistakes.iter().any(|m| m.effect == a.effect && m.at == a.at));
     cause.alternatives.extend(mistakes);
 }

@@ -1,6 +1,7 @@
 //! Model selection: prior and posterior odds, the search and its moves, alternatives.
 
 pub(super) mod alternatives;
+pub(super) mod board_instead;
 mod candidates;
 pub(super) mod competing;
 pub(super) mod correlated_noise;
