@@ -116,14 +116,18 @@ fn contradicted_slips(causes: &mut [Cause], findings: &Findings<'_>) {
     }
 }
 
+/// Whether without any region other causes are selected, or without some, and these predict clearly worse.
+fn changes_with_regions(gap: &Gap) -> bool {
+    gap.chosen_anew.as_ref().is_some_and(|anew| anew.changed == anew.regions)
+        || hangs_on_regions(gap).is_some()
+}
+
 /// Limits what is told where neither search nor selection can be trusted: the limit of work was reached, a remainder is
 /// left, and without a region of postures other causes are selected that predict worse, or in every region others. Of
 /// each cause, mounts by hand and whole mistakes apart, one that was not tested may be as probable.
 fn where_unsettled(diagnosis: &mut Diagnosis, findings: &Findings<'_>) {
-    let gap = &diagnosis.gap;
-    let all_changed = gap.chosen_anew.as_ref().is_some_and(|anew| anew.changed == anew.regions);
-    let unsettled = all_changed || hangs_on_regions(gap).is_some();
-    if !unsettled || findings.found.cut_off || !findings.search.problem.budget.is_spent() {
+    let spent = findings.search.problem.budget.is_spent();
+    if !spent || findings.found.cut_off || !changes_with_regions(&diagnosis.gap) {
         return;
     }
     let whole = |c: &Cause| findings.mistakes.iter().any(|m| m.effect == c.effect && m.at == c.at);
@@ -221,9 +225,8 @@ mod tests {
     use super::*;
     use crate::diagnose::data::diagnosis::ChosenAnew;
 
-    #[test]
-    fn what_hangs_on_few_postures_is_told_in_the_unit_of_the_gap() {
-        let gap = |after_m, after_px, rms_m, rms_px| Gap {
+    fn gap(after_m: Option<f64>, after_px: Option<f64>, rms_m: Option<f64>, rms_px: Option<f64>) -> Gap {
+        Gap {
             before_m: None,
             after_m,
             noise_floor_m: None,
@@ -236,7 +239,25 @@ mod tests {
             held_out_postures: 40,
             chosen_anew: Some(ChosenAnew { rms_m, rms_px, regions: 5, changed: 2 }),
             checked: Vec::new(),
+        }
+    }
+
+    #[test]
+    fn causes_change_with_the_regions_where_all_do_or_some_predict_worse() {
+        let alike = gap(Some(0.00125), Some(0.3), Some(0.00126), Some(0.301));
+        assert!(!changes_with_regions(&alike));
+        assert!(changes_with_regions(&gap(Some(0.00125), Some(0.3), Some(0.0025), Some(0.4))));
+        let all = |changed| {
+            let mut gap = alike.clone();
+            gap.chosen_anew.iter_mut().for_each(|anew| anew.changed = changed);
+            gap
         };
+        assert!(!changes_with_regions(&all(4)) && changes_with_regions(&all(5)));
+        assert!(!changes_with_regions(&Gap { chosen_anew: None, ..alike }));
+    }
+
+    #[test]
+    fn what_hangs_on_few_postures_is_told_in_the_unit_of_the_gap() {
         let in_space = hangs_on_regions(&gap(Some(0.00125), None, Some(0.0025), None)).unwrap();
         assert!(
             in_space.contains("2 of 5 regions") && in_space.contains("to 2.50 mm instead of 1.25 mm"),
