@@ -5,7 +5,7 @@ use crate::diagnose::assessment::evidence;
 use crate::diagnose::assessment::findings::Findings;
 use crate::diagnose::criteria::cross_validation::{in_sample, seen_size};
 use crate::diagnose::criteria::lack_of_fit::adequacy;
-use crate::diagnose::data::diagnosis::{Cause, Data, Diagnosis, Gap, LeftOut, Verdict, Where};
+use crate::diagnose::data::diagnosis::{Cause, Data, Diagnosis, Gap, LeftOut, Verdict};
 use crate::diagnose::data::recording::Recording;
 use crate::diagnose::likelihood::probability::unfinished;
 use crate::diagnose::prepare::first_day::leaves_gross;
@@ -160,9 +160,7 @@ pub(crate) fn reserve(diagnosis: &mut Diagnosis, findings: &Findings<'_>) {
     if evidence::many_boards_are_false(&diagnosis.data) {
         let told = evidence::what_boards_are_false(&diagnosis.data);
         if diagnosis.verdict == Verdict::None {
-            diagnosis.sentence = format!("The rest agrees with the nominal model, but {told}.");
-            diagnosis.verdict = Verdict::Unknown;
-            diagnosis.r#where = vec![Where { at: "board".into(), share: 1.0, depends_on: None }];
+            diagnosis.sentence += &format!(" But {told}.");
         } else {
             diagnosis.warnings.push(told);
         }

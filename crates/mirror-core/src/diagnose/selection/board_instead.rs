@@ -11,11 +11,12 @@ use crate::diagnose::likelihood::fit::Fit;
 use crate::diagnose::likelihood::score_test::Score;
 use crate::diagnose::model::elementary::Atom;
 use crate::diagnose::model::solver::SOLVER;
+use crate::diagnose::principles::Size;
 use crate::diagnose::selection::search::{Found, Search};
 use crate::error::Result;
 
 /// Numbers of a mount that a translation lacks: each lowers −2 log likelihood by one on average without being needed.
-const ANGLES: f64 = 3.0;
+const ANGLES: Size = 3;
 
 /// Log odds of a translated board against the i-th cause, at most 0; none where that is no link's length, or the board's
 /// place is free beside it.
@@ -52,6 +53,6 @@ pub(crate) fn board_instead(search: &Search<'_>, found: &Found, i: usize) -> Res
         let penalty = term.map_or(0.0, |t| t.parameters.iter().zip(stds).map(|(v, s)| (v / s).powi(2)).sum());
         fit.misfit - penalty
     };
-    let worse = misfit(&instead, board) + ANGLES - misfit(&own, model.terms[i].hypothesis);
+    let worse = misfit(&instead, board) + ANGLES as f64 - misfit(&own, model.terms[i].hypothesis);
     Ok(Some(-0.5 * worse.max(0.0)))
 }
