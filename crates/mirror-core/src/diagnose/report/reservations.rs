@@ -122,12 +122,11 @@ fn changes_with_regions(gap: &Gap) -> bool {
         || hangs_on_regions(gap).is_some()
 }
 
-/// Limits what is told where neither search nor selection can be trusted: the limit of work was reached, a remainder is
-/// left, and without a region of postures other causes are selected that predict worse, or in every region others. Of
+/// Limits what is told where the limit of work was reached and a remainder is left, if the selection cannot be trusted
+/// either: without a region of postures other causes are selected that predict worse, or in every region others. Of
 /// each cause, mounts by hand and whole mistakes apart, one that was not tested may be as probable.
 fn where_unsettled(diagnosis: &mut Diagnosis, findings: &Findings<'_>) {
-    let spent = findings.search.problem.budget.is_spent();
-    if !spent || findings.found.cut_off || !changes_with_regions(&diagnosis.gap) {
+    if findings.found.cut_off || !changes_with_regions(&diagnosis.gap) {
         return;
     }
     let whole = |c: &Cause| findings.mistakes.iter().any(|m| m.effect == c.effect && m.at == c.at);
@@ -157,17 +156,6 @@ pub(crate) fn reserve(diagnosis: &mut Diagnosis, findings: &Findings<'_>) {
         diagnosis.sentence = evidence::what_is_false(&diagnosis.data);
         diagnosis.verdict = Verdict::Unknown;
     }
-    if evidence::many_boards_are_false(&diagnosis.data) {
-        let told = evidence::what_boards_are_false(&diagnosis.data);
-        if diagnosis.verdict == Verdict::None {
-            diagnosis.sentence += &format!(" But {told}.");
-        } else {
-            diagnosis.warnings.push(told);
-        }
-    }
-    if diagnosis.verdict == Verdict::Partial {
-        where_unsettled(diagnosis, findings);
-    }
     // With too few postures no test may be significant; a gap far above its own floor is still no agreement.
     let far = |gap: Option<f64>, floor: Option<f64>| matches!((gap, floor), (Some(gap), Some(floor)) if gap > ABOVE_SCATTER * floor);
     let gap = &diagnosis.gap;
@@ -196,6 +184,14 @@ pub(crate) fn reserve(diagnosis: &mut Diagnosis, findings: &Findings<'_>) {
         diagnosis.fields.clear();
         diagnosis.next_postures.clear();
     }
+    if evidence::many_boards_are_false(&diagnosis.data) {
+        let told = evidence::what_boards_are_false(&diagnosis.data);
+        if diagnosis.verdict == Verdict::None {
+            diagnosis.sentence += &format!(" But {told}.");
+        } else {
+            diagnosis.warnings.push(told);
+        }
+    }
     let budget = &findings.search.problem.budget;
     diagnosis.trace.push(format!("work: {:.0} % of the limit", 100.0 * budget.share_of_session()));
     if budget.is_spent() {
@@ -214,6 +210,9 @@ pub(crate) fn reserve(diagnosis: &mut Diagnosis, findings: &Findings<'_>) {
             }
             _ => "",
         };
+        if diagnosis.verdict == Verdict::Partial {
+            where_unsettled(diagnosis, findings);
+        }
     }
 }
 
