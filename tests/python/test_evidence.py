@@ -179,3 +179,4 @@ def test_a_board_at_another_place_and_a_link_of_another_length_are_not_told_apar
     told |= {(a.effect, a.at): a.probability for c in found.causes for a in c.alternatives}
     assert told.get(("board_mount", "board"), 0.0) > 0.3, told
     assert all(p < 0.7 for (effect, _), p in told.items() if effect == "link_length"), told
+    assert next_step(found).startswith("Measure the board's place on its link with a rule")

@@ -42,6 +42,16 @@ def next_step(found: Diagnosis) -> str:
         return "Record a motion with the suggested moves too (report.html), and diagnose again: they separate the alternatives."
     if "motion" in found.document:
         return "Change the simulator's model as in the model.xml of --out, record another motion, and diagnose it with --check."
+    shifted = [
+        cause
+        for cause in found.causes
+        if _is_board_or_link({cause.effect, *(a.effect for a in cause.alternatives)})
+    ]
+    if shifted:
+        return (
+            "Measure the board's place on its link with a rule: through the mirror no posture tells a shifted board from a link's length. "
+            "Write it into the URDF, and diagnose again."
+        )
     rivals = [cause for cause in found.causes if cause.alternatives]
     if rivals and found.next_postures:
         return "Take the suggested postures and diagnose again: they separate the alternatives."
@@ -66,6 +76,11 @@ def next_step(found: Diagnosis) -> str:
         return ". ".join(("; ".join(steps), f"Then look at {_unexplained_place(found)}.")) if steps else ""
     last = "Check it on a session of other postures with --check." if written else "Then diagnose again."
     return f"{'; '.join(steps)}. {last}"
+
+
+def _is_board_or_link(effects: set[str]) -> bool:
+    """Whether a shifted board and a link of another length are alternatives."""
+    return {"board_mount", "link_length"} <= effects
 
 
 def _frames_left_out(found: Diagnosis) -> list[int]:
