@@ -12,9 +12,10 @@ from typer.testing import CliRunner
 
 pytest.importorskip("mujoco", reason="the mirrored session needs mirror_lab's robots")
 
-from mirror_posture import cli
+from mirror_posture import cli, load_session
 from mirror_posture.diagnosis import diagnose
 from mirror_posture.diagnosis.next_step import next_step
+from mirror_posture.diagnosis.page import write_report
 from mirrored_session import write_mirrored
 from session_breaks.kinds import Rows, read, write
 
@@ -146,6 +147,9 @@ def test_rows_that_belong_to_other_pictures_are_to_be_looked_at(sound: Path, tmp
     told = next_step(found)
     frames = ", ".join(rows[k][first] for k in (6, 7, 30, 31))
     assert f"much was left out ({frames})" in told and "nothing to mend" in told
+    (tmp_path / "page").mkdir()
+    page = write_report(load_session(folder), found, tmp_path / "page").read_text()
+    assert "Whoever recorded:" in page and "Nobody." not in page
     assert next_step(diagnose(sound)).startswith("Nothing to mend")
 
 

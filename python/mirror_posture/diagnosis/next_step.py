@@ -29,7 +29,7 @@ def next_step(found: Diagnosis) -> str:
     """What to do next, in one or two sentences."""
     verdict = found.verdict
     if verdict == "none":
-        whole = _frames_left_out(found)
+        whole = frames_left_out(found)
         if whole:
             return (
                 f"Look at the frames of which much was left out ({_first_of(whole)}), whether their rows belong to their pictures. Beside them there is "
@@ -83,7 +83,7 @@ def _is_board_or_link(effects: set[str]) -> bool:
     return {"board_mount", "link_length"} <= effects
 
 
-def _frames_left_out(found: Diagnosis) -> list[int]:
+def frames_left_out(found: Diagnosis) -> list[int]:
     """Frames of which several observations, or the board, are far from the model: there it is a row or a picture that is wrong, not a detection."""
     reasons = ("nearly all that was seen", "far from all that small errors allow", "no flat mirror explains")
     far = [one for one in found.data.left_out if one.why.startswith(reasons)]

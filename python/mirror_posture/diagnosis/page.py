@@ -10,7 +10,7 @@ from ..pages import Drawing, inline, render
 from ..session import Session
 from . import actions, formatting, limits
 from .limits import draw_limits
-from .next_step import next_step
+from .next_step import frames_left_out, next_step
 from .panel_plots import draw_field, draw_track
 from .parts import Gap
 from .plots import draw_gap, draw_signature, draw_steps, gap_told
@@ -68,6 +68,7 @@ def write_report(session: Session, found: Diagnosis, folder: Path) -> Path:
         "svg": svg,
         "told": formatting,
         "next_step": next_step,
+        "frames_left_out": frames_left_out,
         "acts": actions,
         "concerned": actions.concerned(found),
         "panels": shown,
