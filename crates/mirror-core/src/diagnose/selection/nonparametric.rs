@@ -185,8 +185,15 @@ fn searched_beside<'a>(
         let in_reach = choice.log_odds > -(LEAST_REACH + REACH * choice.gain.max(0.0));
         return if choice.has_free && in_reach { from(&choice.model).map(Some) } else { Ok(None) };
     }
-    let best = from(nominal)?;
-    if enough || found.fit.model.terms.is_empty() || wide.problem.budget.is_spent() {
+    if enough || found.fit.model.terms.is_empty() {
+        return from(nominal).map(Some);
+    }
+    let best = match free_form_start(wide, found)? {
+        Some(choice) if choice.has_free => from(&choice.model)?,
+        Some(_) => return from(&found.fit.model).map(Some),
+        None => from(nominal)?,
+    };
+    if wide.problem.budget.is_spent() {
         return Ok(Some(best));
     }
     let other = from(&found.fit.model)?;
