@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import random
+import re
 import shutil
 from collections.abc import Callable
 from pathlib import Path
@@ -12,7 +13,7 @@ from typer.testing import CliRunner
 
 pytest.importorskip("mujoco", reason="the mirrored session needs mirror_lab's robots")
 
-from mirror_posture import cli, load_session
+from mirror_posture import MirrorPostureError, cli, load_session
 from mirror_posture.diagnosis import diagnose
 from mirror_posture.diagnosis.next_step import next_step
 from mirror_posture.diagnosis.page import write_report
@@ -184,3 +185,29 @@ def test_a_board_at_another_place_and_a_link_of_another_length_are_not_told_apar
     assert told.get(("board_mount", "board"), 0.0) > 0.3, told
     assert all(p < 0.7 for (effect, _), p in told.items() if effect == "link_length"), told
     assert next_step(found).startswith("Measure the board's place on its link with a rule")
+
+
+def robot_changed(whole: Path, folder: Path, change: Callable[[str], str]) -> Path:
+    shutil.copytree(whole, folder)
+    urdf = folder / "robot.urdf"
+    before = urdf.read_text(encoding="utf-8")
+    after = change(before)
+    assert after != before
+    urdf.write_text(after, encoding="utf-8")
+    return folder
+
+
+def test_a_camera_link_that_is_no_optical_frame_is_refused_with_the_fix(sound: Path, tmp_path: Path) -> None:
+    """No mirror explains any board then, and what would be named of the few markers is arbitrary."""
+    optical, body = 'rpy="-1.74532925199 0 -1.57079632679"', 'rpy="0 0.17453292520 0"'
+    folder = robot_changed(sound, tmp_path / "s", lambda urdf: urdf.replace(optical, body))
+    with pytest.raises(MirrorPostureError, match=r"not its optical frame.*turned by rpy = -pi/2, 0, -pi/2"):
+        diagnose(folder)
+
+
+def test_a_robot_without_masses_is_told(sound: Path, tmp_path: Path) -> None:
+    """Nothing of gravity can be tried: an empty result does not say that nothing yields."""
+    without = re.compile(r"<inertial>.*?</inertial>", re.DOTALL)
+    told = diagnose(robot_changed(sound, tmp_path / "s", lambda urdf: without.sub("", urdf))).warnings
+    assert [text for text in told if "no link behind a joint a mass" in text and "joint_compliance" in text]
+    assert not [text for text in diagnose(sound).warnings if "a mass" in text]

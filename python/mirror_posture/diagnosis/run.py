@@ -12,6 +12,7 @@ from .._core import DiagnosisProgress, GapRecording, MirrorPostureError
 from ..arguments import checked_arguments
 from ..error_pickling import PickledWhole
 from ..session import Session, as_session
+from ..view_check import refuse_unnamed_mistakes
 from .encoders import encoder_witness
 from .fingerprint import KEY, fingerprint
 from .markers import marker_of_place, only_markers
@@ -84,7 +85,8 @@ def diagnose(
 
     Raises:
         DiagnosisInterrupted: Ctrl-C (it is a `KeyboardInterrupt`); `found` has the partial result.
-        MirrorPostureError: an invalid session, an unknown effect or marker, too little to diagnose.
+        MirrorPostureError: an invalid session, an unknown effect or marker, too little to diagnose, a camera's link or pictures that are
+            not what they claim, where the vocabulary has no word for it (`view_check`).
     """
     left_out = checked_effects(without)
     loaded = _loaded(session)
@@ -99,6 +101,7 @@ def diagnose(
             )
         seen = only_markers(loaded, kept)
         others += [_other(WITNESS + name, to_core(only_markers(loaded, [name])), effects) for name in names]
+    refuse_unnamed_mistakes(seen)
     recording = to_core(seen)
     watch, own = DiagnosisProgress(), tabulate(effects, recording)
     try:

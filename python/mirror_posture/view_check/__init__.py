@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from .check import ViewCheck, check_views, refuse_mistakes
+from .check import ViewCheck, check_views, refuse_mistakes, refuse_unnamed_mistakes
 from .readings import Reading
 
-__all__ = ["Reading", "ViewCheck", "check_views", "refuse_mistakes"]
+__all__ = ["Reading", "ViewCheck", "check_views", "refuse_mistakes", "refuse_unnamed_mistakes"]

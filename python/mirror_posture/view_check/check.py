@@ -86,6 +86,24 @@ def refuse_mistakes(session: Session) -> ViewCheck | None:
     return checked
 
 
+def refuse_unnamed_mistakes(session: Session) -> None:
+    """Refuses what a diagnosis has no word for: of a camera's body taken for its optical frame no search can tell anything.
+
+    Tested where the boards' reflections are far from what mounts by hand leave. Raises `MirrorPostureError` that names the mistake and the
+    fix, unless a mistake of the vocabulary explains the views as well.
+    """
+    views = Views.of(session)
+    if views is None:
+        return
+    noise_px = _noise_px(session)
+    own = views.fit(Reading("as it stands"))
+    if own.board_rms_px <= EXPLAINED_DEVIATIONS * max(LEAST_NOISE_PX, noise_px * math.sqrt(2.0)):
+        return
+    checked = check(views, noise_px)
+    if checked.mistake and not any(reading.effect for reading in checked.readings):
+        raise MirrorPostureError(f"{session.folder}: {checked.mistake}")
+
+
 def _explains(fit: Fit, own: Fit, noise: float) -> bool:
     if not fit.board_rms_px <= min(WORSE * max(own.board_rms_px, noise), EXPLAINED_DEVIATIONS * noise):
         return False

@@ -164,6 +164,7 @@ class Views:
                 f"the board is another one: its squares measure {1000.0 * factor * self.board.square_m:.2f} mm, not {1000.0 * self.board.square_m:.2f} mm",
                 "measure the printed squares and correct [board] square",
                 1,
+                "board_scale",
                 square_factor=factor,
             )
 
@@ -173,6 +174,7 @@ class Views:
                 f"the camera file is another camera's or another resolution's: {factor:.2f} times its focal length and centre fit",
                 "give the camera file of this camera at the resolution of these pictures",
                 1,
+                "camera_resolution",
                 camera_factor=factor,
             )
 
@@ -182,6 +184,7 @@ class Views:
                 f"the camera file is another camera's, or the pictures are cropped or zoomed: {factor:.2f} times its focal length fits",
                 "give the camera file of this camera as it took these pictures",
                 1,
+                "camera_focal",
                 focal_factor=factor,
             )
 

@@ -22,6 +22,8 @@ class Reading(ShortRepr):
     said: str = ""
     fix: str = ""
     mistakes: int = 0
+    effect: str = ""
+    """The cause by which a diagnosis names it; empty where its vocabulary has no word."""
     pixels: str = "as they are"
     labels: str = "as they are"
     board_from_meant: Floats = field(default_factory=lambda: np.eye(4))
@@ -67,7 +69,8 @@ def usual_mistakes(corners: tuple[int, int], square_picture: bool) -> Iterator[R
     nx, ny = corners
     pixels = [*_FLIPS, "turned by 180°", *(_QUARTERS if square_picture else ())]
     for name in pixels:
-        one = Reading(name, f"the pictures are {name}", _FLIP_FIX[name], 1, pixels=name)
+        word = "" if name in _QUARTERS else "picture_flipped"
+        one = Reading(name, f"the pictures are {name}", _FLIP_FIX[name], 1, word, pixels=name)
         # If a flipped view is flipped back, its labels change handedness, because the detector took the board
         # for a mirrored one. The dark square diagonally outside corner 0 shows which axis it reversed, if the
         # counts differ in parity.
@@ -92,6 +95,7 @@ def usual_mistakes(corners: tuple[int, int], square_picture: bool) -> Iterator[R
             f"the board is mounted{counted} turned by {90 * quarters}° against the URDF",
             f"turn the board, or its link [board] link, by {90 * quarters}° about its z axis",
             1,
+            "board_turned",
             board_from_meant=_turned_board(quarters),
         )
     for axis in ("x", "y"):

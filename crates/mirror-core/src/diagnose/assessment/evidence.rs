@@ -52,13 +52,13 @@ pub(crate) fn data(sources: &Sources<'_>, findings: &Findings<'_>) -> Result<Dat
         let corners = frame.sightings.iter().filter(corner).count();
         let slipped = findings.slip.is_some_and(|s| (s.first..=s.last).contains(&f));
         let mirror = clean.boards.get(f).copied().flatten().is_some();
-        if corners > 0 && !mirror && !slipped {
+        let others = &arranged.frames[f].others;
+        let known = work.evaluate(arranged, &task, f);
+        if corners > 0 && !(mirror && known) && !slipped {
             let few = format!("too few corners: {corners}, needed {FEWEST_CORNERS}");
             tell("board", None, if corners < FEWEST_CORNERS { &few } else { LeftOut::NO_MIRROR });
         }
         let names = &arranged.scene.marker_names;
-        let others = &arranged.frames[f].others;
-        let known = work.evaluate(arranged, &task, f);
         let residuals = if known { work.residuals_of(others) } else { vec![None; others.len()] };
         let mut kept = clean.frames[f].others.iter().filter(|o| o.marker().is_some()).peekable();
         let mut any = false;
@@ -70,13 +70,17 @@ pub(crate) fn data(sources: &Sources<'_>, findings: &Findings<'_>) -> Result<Dat
             if is_kept {
                 kept.next();
             }
-            if is_kept && (mirror || !by_mirror) {
+            // What the model cannot predict took no part in any fit.
+            let in_sight = deviations.is_some();
+            if is_kept && in_sight && (mirror || !by_mirror) {
                 out.points_used += 1;
                 any = true;
             } else if slipped {
                 tell(&names[marker], None, "the row contains the measurement of another row");
             } else if by_mirror && !mirror {
                 tell(&names[marker], None, "the mirror of this frame is not known: no board");
+            } else if !in_sight {
+                tell(&names[marker], None, LeftOut::OUT_OF_SIGHT);
             } else {
                 tell(&names[marker], deviations, "far from the best model");
             }
@@ -140,6 +144,13 @@ pub(crate) fn what_is_missing(data: &Data) -> String {
         None if data.points_given == 0 => "; no marker was seen or measured at all".to_owned(),
         None => String::new(),
     };
+    if !insufficient(data) {
+        return format!(
+            "No statement is possible: of {} frames with {} observations of markers no model that was found predicts any; boards and markers contradict each other \
+             as the session describes them (the camera's link, the camera file, the board).",
+            data.frames_given, data.points_given
+        );
+    }
     format!(
         "Too little usable evidence for a statement: {} of {} postures and {} of {} observations of markers could be used, {FEWEST_POSTURES} postures and {FEWEST_OBSERVATIONS} observations are the least{why}.",
         data.postures_used, data.postures_given, data.points_used, data.points_given

@@ -332,6 +332,9 @@ impl LeftOut {
     pub(crate) const FAR_FROM: &str = "far from";
     /// Why boards are left out that are seen whole and are no reflection of the board.
     pub(crate) const NO_MIRROR: &str = "no flat mirror explains its corners";
+    /// Why markers are left out that the best model does not predict to be seen.
+    pub(crate) const OUT_OF_SIGHT: &str =
+        "the best model does not see it in this frame: behind the camera, or beside the mirror";
     /// How it begins where something in the background was taken for a marker.
     pub(crate) const AT_ONE_PIXEL: &str = "at one pixel";
 

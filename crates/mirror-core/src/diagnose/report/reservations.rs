@@ -170,9 +170,7 @@ pub(crate) fn reserve(diagnosis: &mut Diagnosis, findings: &Findings<'_>) {
         diagnosis.verdict = Verdict::Partial;
     }
     // Where nothing was held out and predicted, no agreement is shown.
-    if evidence::insufficient(&diagnosis.data)
-        || (diagnosis.verdict == Verdict::None && !diagnosis.gap.is_told())
-    {
+    if evidence::insufficient(&diagnosis.data) || !diagnosis.gap.is_told() {
         diagnosis.sentence = evidence::what_is_missing(&diagnosis.data);
         diagnosis.verdict = Verdict::Insufficient;
         diagnosis.causes.clear();

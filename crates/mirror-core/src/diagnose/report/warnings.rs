@@ -51,6 +51,12 @@ pub(super) fn warnings(findings: &Findings<'_>) -> Vec<String> {
             still.join(", ")
         ));
     }
+    if scene.body.nodes.iter().all(|node| node.mass == 0.0) {
+        out.push(
+            "the URDF gives no link behind a joint a mass: what gravity does (joint_compliance, link_bending) was not tried; add <inertial> to the links"
+                .into(),
+        );
+    }
     if problem.camera.is_some() && findings.after.iter().all(|g| g.markers == 0.0) {
         out.push("no marker was seen together with the board: the body cannot be diagnosed".into());
     }
