@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 import mirror_posture as mp
-from mirror_posture.diagnosis import Diagnosis, Estimate
-from mirror_posture.diagnosis.formatting import percent, tell
+from mirror_posture.diagnosis import Cause, Diagnosis, Estimate
+from mirror_posture.diagnosis.formatting import percent, tell, tell_all
 from mirror_posture.diagnosis.markers import marker_of_place, only_markers
 from mirror_posture.diagnosis.next_postures import write_next_postures
 from mirror_posture.session.frames import read_frames
@@ -44,6 +44,17 @@ DOCUMENT = {
     "next_postures": [{"elbow": 0.2}],
     "said_by_a_newer_version": {"kept": True},
 }
+
+
+def test_what_was_not_estimated_is_not_printed_as_zero() -> None:
+    """Beside mounts by hand the small errors everywhere are zeros of joints; their lengths are no part of the model."""
+    values = {"spread_m": Estimate(0.0, 0.0), "spread_rad": Estimate(0.0028, 0.0009)}
+    (told,) = tell_all(Cause("geometry", "robot", 0.99, values))
+    assert "°" in str(told)
+    shift = Cause(
+        "marker_mount", "marker:a", 0.99, {"dx_m": Estimate(0.0, 0.001), "dy_m": Estimate(0.01, 0.0)}
+    )
+    assert len(tell_all(shift)) == 2
 
 
 def test_the_public_format_becomes_dataclasses_and_comes_back_whole(tmp_path: Path) -> None:

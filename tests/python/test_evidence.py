@@ -129,6 +129,8 @@ def test_boards_counted_from_the_other_end_in_some_frames_are_not_nothing(
     found = diagnose(folder)
     assert not found.causes and "But in 16 of 48 frames no flat mirror explains" in found.sentence
     assert next_step(found).startswith("Look at the frames of which much was left out (0, 3, 6, ")
+    page = write_report(load_session(folder), found, tmp_path).read_text(encoding="utf-8")
+    assert '<span class="verdict partial">No gap where it could be compared</span>' in page
     assert "But in" not in diagnose(sound).sentence
 
 

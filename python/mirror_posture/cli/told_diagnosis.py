@@ -151,8 +151,9 @@ def show_diagnosis(output: Output, folder: Path, found: Diagnosis) -> None:
         output.say(limits_line(found))
     for place in found.where:
         if place.depends_on:
+            share = percent(place.share) if place.share >= 0.005 else "less than 1 %"
             output.say(
-                f"unexplained at {place.at} ({percent(place.share)} of the gap): depends on {dependence(place.depends_on)}"
+                f"unexplained at {place.at} ({share} of the gap): depends on {dependence(place.depends_on)}"
             )
     for warning in found.warnings:
         output.warn(warning)

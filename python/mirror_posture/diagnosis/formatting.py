@@ -98,8 +98,10 @@ def is_zero(quantity: Quantity) -> bool:
 
 
 def tell_all(cause: Cause) -> list[Quantity]:
-    """All parameters of a cause in readable units."""
-    return [tell(name, estimate) for name, estimate in cause.parameters.items()]
+    """All parameters of a cause in readable units; without those that were no part of the model, which are exactly 0
+    (beside mounts by hand small errors are zeros of joints, not lengths)."""
+    estimated = {n: e for n, e in cause.parameters.items() if e.value != 0.0 or e.std != 0.0}
+    return [tell(name, estimate) for name, estimate in (estimated or cause.parameters).items()]
 
 
 KINDS = r"\b(joint|link|marker):"

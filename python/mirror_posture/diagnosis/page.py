@@ -32,6 +32,12 @@ RANKED = 40
 """Single causes that the page lists at most."""
 
 
+def _headline(found: Diagnosis) -> str:
+    if found.verdict == "none" and frames_left_out(found):
+        return "No gap where it could be compared"
+    return HEADLINES[found.verdict]
+
+
 def write_report(session: Session, found: Diagnosis, folder: Path) -> Path:
     """Writes `report.html` and `pictures/*.png` into a folder that is there; returns the page."""
     drawings: dict[str, Drawing] = {"gap": draw_gap(found.gap), "robot": draw_robot(session, found)}
@@ -64,7 +70,8 @@ def write_report(session: Session, found: Diagnosis, folder: Path) -> Path:
         "robot": session.robot.name,
         "postures": len(set(session.frames.posture.tolist())),
         "frames": len(session.frames),
-        "headline": HEADLINES[found.verdict],
+        "headline": _headline(found),
+        "colour": "partial" if found.verdict == "none" and frames_left_out(found) else found.verdict,
         "svg": svg,
         "told": formatting,
         "next_step": next_step,
