@@ -179,12 +179,17 @@ def test_places_say_what_they_are() -> None:
     assert "Look at the camera:" in next_step(corners)
     for at, depends_on, said in [
         ("board", "nothing", "not flat"),
+        ("mirror", "nothing", "bent in one direction"),
         ("camera", "position of joint:neck", "mount"),
         ("joint:elbow", "posture, each by itself", "slips"),
     ]:
         left = [{"at": at, "share": 1.0, "depends_on": depends_on}]
         told = next_step(Diagnosis.from_document(document(verdict="unknown", where=left)))
         assert said in told and "does this" in told
+        cause = {"effect": "gear_ratio", "at": "joint:x", "probability": 0.9, "parameters": {}}
+        assert said in next_step(
+            Diagnosis.from_document(document(verdict="partial", where=left, causes=[cause]))
+        )
     by_load = [{"at": "joint:elbow", "share": 1.0, "depends_on": "load"}]
     assert "does this" not in next_step(Diagnosis.from_document(document(verdict="unknown", where=by_load)))
     slipped = {"effect": "pairing", "at": "data", "probability": 0.98, "parameters": {}}

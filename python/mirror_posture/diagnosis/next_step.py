@@ -14,6 +14,9 @@ OFTEN = {
         "nothing": "a lens model with too few terms in the camera file does this: calibrate it with more terms",
         "position": "a camera mount that yields as a joint moves does this: press on it",
     },
+    "mirror": {
+        "nothing": "a mirror that is bent in one direction does this, as a thin one that leans or hangs: look at a straight line along it, and support its back"
+    },
     "joint": {
         "posture": "a column that holds another joint's values, other rows' or none does this: compare it with what the joint did; so does "
         "a clutch or a screw that slips: mark shaft and hub, move, and look",
@@ -59,8 +62,7 @@ def next_step(found: Diagnosis) -> str:
         return "Record further postures, far from those of this session, and diagnose again: alternatives remain."
     if verdict == "unknown":
         look = f"Look at {_unexplained_place(found)}: no effect of the vocabulary explains it"
-        often = _what_often_does_it(found)
-        return f"{look}{f' ({often})' if often else ''}. A law of your own can be tried as an own effect."
+        return f"{look}{_what_often_does_it(found)}. A law of your own can be tried as an own effect."
     if any(cause.effect == "pairing" for cause in found.causes):
         return "Mend the rows of the frames table that hold other rows' measurement (delete them where the camera hung), then diagnose again."
     refused = [cause for cause in found.causes if cause.effect in BY_HAND and not cause.members]
@@ -73,7 +75,8 @@ def next_step(found: Diagnosis) -> str:
         ways = list(dict.fromkeys(BY_HAND[cause.effect] for cause in refused))
         steps.append(f"{'no' if steps else 'No'} file can hold {names}: {'; '.join(ways)}")
     if verdict == "partial":
-        return ". ".join(("; ".join(steps), f"Then look at {_unexplained_place(found)}.")) if steps else ""
+        look = f"Then look at {_unexplained_place(found)}{_what_often_does_it(found)}."
+        return ". ".join(("; ".join(steps), look)) if steps else ""
     last = "Check it on a session of other postures with --check." if written else "Then diagnose again."
     return f"{'; '.join(steps)}. {last}"
 
@@ -113,9 +116,11 @@ def _unexplained_place(found: Diagnosis) -> str:
     return f"{at}, where what is left depends on {dependence(left.depends_on or '')}"
 
 
-def _what_often_does_it(found: Diagnosis) -> str | None:
+def _what_often_does_it(found: Diagnosis) -> str:
+    """The usual reason in brackets; empty where there is none."""
     left = _unexplained(found)
     if left is None:
-        return None
+        return ""
     depends_on = (left.depends_on or "").split(",")[0].split(" of ")[0]
-    return OFTEN.get(left.at.split(":")[0], {}).get(depends_on)
+    often = OFTEN.get(left.at.split(":")[0], {}).get(depends_on)
+    return f" ({often})" if often else ""
