@@ -16,6 +16,7 @@ use crate::diagnose::likelihood::score_test::screen;
 use crate::diagnose::model::body::NodeId;
 use crate::diagnose::model::problem::Noise;
 use crate::diagnose::model::scene::Scene;
+use crate::diagnose::model::work_budget::A_STAGE;
 use crate::diagnose::principles::{LOG_PRIOR_FREE, LOG_PRIOR_STRUCTURE, TEMPER, Threshold};
 use crate::diagnose::selection::candidates::{LEAST_REACH, REACH};
 use crate::diagnose::selection::free_form_start::free_form_start;
@@ -168,8 +169,8 @@ pub(crate) fn beside_free_forms<'a>(
 }
 
 /// The search with free-form errors. Beside causes that are `enough` it is from the most probable set of one linear model of
-/// what was found; none where that shows that no such error can compete with them. Otherwise it is from the nominal model and from
-/// the causes found, and what is more probable counts.
+/// what was found; none where that shows that no such error can compete with them. Otherwise it is from the causes found, and from
+/// the nominal model or, where much work is done, from that set if such an error is in it; what is more probable counts.
 fn searched_beside<'a>(
     wide: &Search<'a>,
     found: &Found,
@@ -188,7 +189,10 @@ fn searched_beside<'a>(
     if enough || found.fit.model.terms.is_empty() {
         return from(nominal).map(Some);
     }
-    let best = match free_form_start(wide, found)? {
+    // From the nominal model it takes as long as all that was done before: where that is much, from the linear model.
+    let costly = wide.problem.budget.share_of_session() > A_STAGE;
+    let choice = if costly { free_form_start(wide, found)? } else { None };
+    let best = match choice {
         Some(choice) if choice.has_free => from(&choice.model)?,
         Some(_) => return from(&found.fit.model).map(Some),
         None => from(nominal)?,
