@@ -169,8 +169,8 @@ pub(crate) fn beside_free_forms<'a>(
 }
 
 /// The search with free-form errors. Beside causes that are `enough` it is from the most probable set of one linear model of
-/// what was found; none where that shows that no such error can compete with them. Otherwise it is from the causes found, and from
-/// the nominal model or, where much work is done, from that set if such an error is in it; what is more probable counts.
+/// what was found; none where that shows that no such error can compete with them. Otherwise it is from the causes found and from
+/// the nominal model, and what is more probable counts; where much work is done, from the nominal model only if such an error is in that set.
 fn searched_beside<'a>(
     wide: &Search<'a>,
     found: &Found,
@@ -189,14 +189,12 @@ fn searched_beside<'a>(
     if enough || found.fit.model.terms.is_empty() {
         return from(nominal).map(Some);
     }
-    // From the nominal model it takes as long as all that was done before: where that is much, from the linear model.
+    // From the nominal model it takes as long as all that was done before: where that is much, only if such an error competes.
     let costly = wide.problem.budget.share_of_session() > A_STAGE;
-    let choice = if costly { free_form_start(wide, found)? } else { None };
-    let best = match choice {
-        Some(choice) if choice.has_free => from(&choice.model)?,
-        Some(_) => return from(&found.fit.model).map(Some),
-        None => from(nominal)?,
-    };
+    if costly && free_form_start(wide, found)?.is_some_and(|choice| !choice.has_free) {
+        return from(&found.fit.model).map(Some);
+    }
+    let best = from(nominal)?;
     if wide.problem.budget.is_spent() {
         return Ok(Some(best));
     }
