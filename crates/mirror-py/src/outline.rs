@@ -6,9 +6,9 @@ use crate::errors::{MirrorPostureError, to_py};
 use crate::work::Work;
 use mirror_core::Cancel;
 use mirror_core::outline::{
-    BallOutline, Circle, Codec, ColorBox, CommonBlur, ExpectedRadius, PatternGhost, PatternLevels, PatternView,
-    Picture, RadiusRange, chroma_step as step_of, codec_covariance, color_regions as regions_of, fit_circle,
-    measure_ball, measure_blurred_ball, pattern_curve as curve_of, pattern_ghost as ghost_of,
+    BallOutline, Circle, Codec, ColorBox, CommonBlur, ExpectedRadius, PatternGhost, PatternLevels,
+    PatternView, Picture, RadiusRange, chroma_step as step_of, codec_covariance, color_regions as regions_of,
+    fit_circle, measure_ball, measure_blurred_ball, pattern_curve as curve_of, pattern_ghost as ghost_of,
 };
 use numpy::ndarray::Array2;
 use numpy::{IntoPyArray, PyArray2, PyReadonlyArray2, PyReadonlyArray3, PyUntypedArrayMethods};
@@ -331,8 +331,9 @@ pub fn pattern_ghost(
     Ok(found.map(|inner| PyPatternGhost { inner }))
 }
 
-/// The camera's tone curve by a view of the pattern: grey levels and the drawn pattern `(H, W)`, how many pixels share their errors, and how far ink may spread, px. By
-/// how many deviations it differs from sRGB's, and the standard deviation of that; None where the view does not tell it.
+/// The camera's tone curve by a view of the pattern: grey levels and the drawn pattern `(H, W)`, how many pixels share their errors, and how far ink may spread, px; where a
+/// sharpening was undone, how much each level falls for each px² of more `(H, W)`, and its strength's deviation, px². By how many deviations the curve differs from sRGB's, and
+/// the standard deviation of that; None where the view does not tell it.
 #[pyfunction]
 pub fn pattern_curve(
     py: Python<'_>,
@@ -340,8 +341,9 @@ pub fn pattern_curve(
     pattern: PyReadonlyArray2<'_, f32>,
     shared_pixels: f64,
     ink_px: f64,
+    sharpening: Option<(PyReadonlyArray2<'_, f32>, f64)>,
 ) -> PyResult<Option<(f64, f64)>> {
-    let contiguous = |_| MirrorPostureError::new_err("levels, pattern: needed arrays in C order");
+    let contiguous = |_| MirrorPostureError::new_err("levels, pattern, sharpening: needed arrays in C order");
     let shape = levels.shape();
     let view = PatternLevels {
         width: shape[1],
@@ -350,6 +352,10 @@ pub fn pattern_curve(
         pattern: pattern.as_slice().map_err(contiguous)?,
         shared_pixels,
         ink_px,
+        sharpening: match &sharpening {
+            Some((falls, std)) => Some((falls.as_slice().map_err(contiguous)?, *std)),
+            None => None,
+        },
     };
     let found = py.work(|| curve_of(&view)).map_err(to_py)?;
     Ok(found.map(|curve| (curve.deviations, curve.std)))

@@ -23,7 +23,7 @@ from .drawn import DrawnBoard
 from .ghost import with_ghost
 from .ghost_light import Ghost
 from .medians import median
-from .sharpening import undone
+from .sharpening import falling, undone
 
 # Fewer balls than this cannot separate the camera's curve from their own shading.
 LEAST_BALLS = 3
@@ -33,6 +33,8 @@ LEAST_STD, LEAST_SHARED_STD = 0.7, 1.0
 MEDIAN_STD = 1.25 * 1.4826
 # Printed lines are wider than drawn by up to a dot of 600 dpi (0.042 mm), squares by up to half of that at each edge: the root of its mean square, m.
 INK_M = 1.2e-5
+# One deviation of the curve looks like so much sharpening in sharp pictures, px² (0.05 to 0.09), by whose strength for sRGB's curve the board is read.
+SHARPENING_STD_PX2 = 0.07
 
 
 @dataclass(frozen=True)
@@ -48,12 +50,14 @@ def board_curve(drawn: DrawnBoard, board: Board, ghost: Ghost | None, sharpening
 
     Before, it is N(0, 1), or as wide as what the board shows demands: τ² = max(1, x² − s²). Then it is N(x τ², s² τ²) / (τ² + s²), x and s by the board.
     """
+    levels = np.ascontiguousarray(undone(drawn.gray, sharpening_px2))
     found = _core.pattern_curve(
-        np.ascontiguousarray(undone(drawn.gray, sharpening_px2)),
+        levels,
         with_ghost(drawn, ghost).pattern,
         # (An edge is half of that long, and has pixels on both of its sides.)
         drawn.side_px,
         INK_M / board.square_m * 0.5 * drawn.side_px,
+        (falling(levels, sharpening_px2), SHARPENING_STD_PX2) if sharpening_px2 > 0.0 else None,
     )
     if found is None:
         return None

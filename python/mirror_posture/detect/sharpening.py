@@ -137,6 +137,13 @@ def undone(levels: Pixels, strength_px2: float) -> Pixels:
     return result
 
 
+def falling(levels: Pixels, strength_px2: float) -> Pixels:
+    """How much levels (H, W), of which a sharpening was undone, fall for each px² of more that is undone: `|ω|² / (1 + k |ω|²)` of them, 0..1."""
+    shares = levels.astype(np.float32) / np.float32(255.0)
+    result: Pixels = cv2.filter2D(undone(shares, strength_px2), -1, _CROSS, borderType=cv2.BORDER_REPLICATE)
+    return result
+
+
 def without_sharpening(
     bgr: npt.NDArray[np.uint8], strength_px2: float, circles: Sequence[Circle]
 ) -> npt.NDArray[np.uint8]:

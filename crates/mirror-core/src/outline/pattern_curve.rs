@@ -7,8 +7,8 @@
 //! `p = 1.085^x` the power by which the camera's light differs from sRGB's. x, b and the planes by least squares of
 //! the levels (Gauss–Newton; `∂(P ∗ G_b)/∂b = b ∇²(P ∗ G_b)`, heat equation).
 //!
-//! Ink that spreads over the squares' edges moves them as a curve does. It is not fitted, for both look much alike;
-//! its deviation is propagated into that of x.
+//! Ink that spreads over the squares' edges moves them as a curve does, and a sharpening that was told by sRGB's curve
+//! hides another one. Neither is fitted, for they look much alike; their deviations are propagated into that of x.
 
 use super::curve::CURVE_DOUBT;
 use super::patch::{linear, smooth};
@@ -59,6 +59,8 @@ pub struct PatternLevels<'a> {
     pub shared_pixels: f64,
     /// How far ink may spread over the edge of a square, a standard deviation, px.
     pub ink_px: f64,
+    /// Where a sharpening was undone: how much each level (0..1) falls for each px² of more that is undone, and the standard deviation of its strength, px².
+    pub sharpening: Option<(&'a [f32], f64)>,
 }
 
 /// A camera's tone curve as a pattern shows it.
@@ -75,10 +77,13 @@ pub struct PatternCurve {
 /// The curve that a view of the pattern shows; None where its levels are cut off, or it does not determine it.
 ///
 /// # Errors
-/// [`Error::LengthMismatch`] where levels or pattern are not of the view's size.
+/// [`Error::LengthMismatch`] where levels, pattern or sharpening are not of the view's size.
 pub fn pattern_curve(view: &PatternLevels<'_>) -> Result<Option<PatternCurve>> {
     let count = view.width * view.height;
-    for (what, got) in [("levels", view.levels.len()), ("pattern", view.pattern.len())] {
+    let sharpening = view.sharpening.map_or(count, |(falls, _)| falls.len());
+    for (what, got) in
+        [("levels", view.levels.len()), ("pattern", view.pattern.len()), ("sharpening", sharpening)]
+    {
         if got != count {
             return Err(Error::LengthMismatch {
                 what: format!("{what} of {} × {} px", view.width, view.height),
@@ -171,7 +176,7 @@ fn told(view: &PatternLevels<'_>, kept: &[usize], shared_pixels: f64) -> Option<
         let power = CURVE_DOUBT.powf(-curve);
         let mut normal = SMatrix::<f64, UNKNOWNS, UNKNOWNS>::zeros();
         let mut right = SVector::<f64, UNKNOWNS>::zeros();
-        let (mut by_ink, mut squares) = (right, 0.0);
+        let (mut by_ink, mut by_sharpening, mut squares) = (right, right, 0.0);
         for at in kept {
             let here = f64::from(pattern[*at]);
             let around =
@@ -193,7 +198,14 @@ fn told(view: &PatternLevels<'_>, kept: &[usize], shared_pixels: f64) -> Option<
             let seen = f64::from(view.levels[*at]) / 255.0;
             normal.syger(1.0, &row, &row, 1.0);
             right.axpy(seen - level, &row, 1.0);
-            by_ink.axpy(-by_pattern * 0.5 * ((next - left).powi(2) + (below - above).powi(2)).sqrt(), &row, 1.0);
+            by_ink.axpy(
+                -by_pattern * 0.5 * ((next - left).powi(2) + (below - above).powi(2)).sqrt(),
+                &row,
+                1.0,
+            );
+            if let Some((falls, _)) = view.sharpening {
+                by_sharpening.axpy(-f64::from(falls[*at]), &row, 1.0);
+            }
             squares += (seen - level).powi(2);
         }
         normal.fill_upper_triangle_with_lower_triangle();
@@ -201,6 +213,7 @@ fn told(view: &PatternLevels<'_>, kept: &[usize], shared_pixels: f64) -> Option<
         let step = solver.solve(&right);
         let noise = shared_pixels * squares / kept.len() as f64 * solver.inverse()[(CURVE, CURVE)];
         let ink = view.ink_px * solver.solve(&by_ink)[CURVE];
+        let sharpened = view.sharpening.map_or(0.0, |(_, std)| std * solver.solve(&by_sharpening)[CURVE]);
         for k in 0..PLANES {
             planes[k] += step[k];
         }
@@ -209,7 +222,8 @@ fn told(view: &PatternLevels<'_>, kept: &[usize], shared_pixels: f64) -> Option<
         blur = (blur + widened).clamp(BLUR_RANGE_PX.0, BLUR_RANGE_PX.1);
         curve += bent;
         let other = OTHER_PART_SHARE * curve;
-        result = Some(PatternCurve { deviations: curve, std: noise.sqrt().hypot(ink).hypot(other), blur_px: blur });
+        let std = noise.sqrt().hypot(ink).hypot(sharpened).hypot(other);
+        result = Some(PatternCurve { deviations: curve, std, blur_px: blur });
         if widened.abs().max(bent.abs()) < DONE {
             break;
         }
