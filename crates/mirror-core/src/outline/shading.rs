@@ -6,8 +6,8 @@
 //! straight line cannot extrapolate it.
 //!
 //! Where a lamp's light ends on the ball, brightness has a bend that the quadratic smooths: it falls below the true
-//! value, most in a codec's levels, which stretch dark values. The lamp has a separate term, `max(0, n · l)`, in the
-//! direction in which the quadratic is steepest.
+//! value, and a codec's levels, which stretch dark values, show that. There the lamp has a separate term, `max(0, n
+//! · l)`, in the direction in which the quadratic is steepest.
 
 use super::columns::{Columns, TERMS, weighted_sums};
 use super::curve::light_of;
@@ -21,9 +21,6 @@ const LAMP: usize = TERMS - 1;
 /// balls show few orders. Hardly any on the first order: the decrease of a lamp's light towards the rim must be
 /// extrapolated fully.
 const RIDGE: [f64; 4] = [1e-9, 2e-4, 2e-2, 1e-4];
-/// In linear light more on the lamp's term: there its bend shows less, and what hides a part of a ball may look like it. (Of 1e-4, 1e-3 and 1e-2 this left the smallest
-/// errors, and hidden balls as they were.)
-const LINEAR_RIDGE: [f64; 4] = [1e-9, 2e-4, 2e-2, 1e-3];
 /// Pixels of another colour than the ball's (sine of the angle between them) are not used for its light.
 const OTHER_COLOUR_SINE: f64 = 0.3;
 /// The most pixels that are read.
@@ -181,16 +178,15 @@ impl Shading {
         Self::solved(&mut columns, patch.coded).unwrap_or_else(Self::even)
     }
 
-    /// From the basis and the light by pixel; in `levels`, with errors that count relatively.
+    /// From the basis and the light by pixel; in `levels`, with the lamp's own term.
     fn solved(pixels: &mut Columns, levels: bool) -> Option<Self> {
         let share = |light: &f64| if levels { light.max(LEAST_LIGHT).recip() } else { 1.0 };
         let shares: Vec<f64> = pixels.light().iter().map(share).collect();
         let mut weights = shares.clone();
         let mut sizes = Vec::with_capacity(pixels.count);
         let mut found = Self { terms: SVector::zeros(), lamp: Vector3::zeros() };
-        let ridge = if levels { RIDGE } else { LINEAR_RIDGE };
         for round in 0..REWEIGHTINGS {
-            if round + WITH_LAMP == REWEIGHTINGS {
+            if levels && round + WITH_LAMP == REWEIGHTINGS {
                 let slope = Vector3::new(found.terms[1], found.terms[2], found.terms[3]);
                 if slope.norm() > LEAST_SLOPE {
                     found.lamp = slope.normalize();
@@ -211,7 +207,7 @@ impl Shading {
                     LAMP => 3,
                     _ => 2,
                 };
-                normal[(term, term)] += ridge[order] * total;
+                normal[(term, term)] += RIDGE[order] * total;
             }
             found.terms = normal.cholesky()?.solve(&right);
             if round + 1 == REWEIGHTINGS {
