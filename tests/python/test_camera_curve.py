@@ -8,7 +8,7 @@ import pytest
 from mirror_posture.detect import detect_markers
 from mirror_posture.detect.ball import OutlineFit
 from mirror_posture.detect.curve import Curve, board_curve, curve_doubt, with_curve_doubt
-from mirror_posture.detect.sharpening import ghost_and_sharpening
+from mirror_posture.detect.sharpening import MOST_STRENGTH_PX2, ghost_and_sharpening
 from outline_fits import outline_fit
 from test_blurred_balls import BALLS, CAMERA, MARKERS, expected, light, outline
 from test_detect_ghost import BOARD
@@ -93,6 +93,12 @@ def test_where_sharpening_was_undone_the_curve_is_known_less_well(monkeypatch: p
     told = told_by_board(1.0, 0, strength=0.25)
     monkeypatch.setattr("mirror_posture.detect.curve.SHARPENING_STD_PX2", 0.0)
     assert told.std > told_by_board(1.0, 0, strength=0.25).std + 0.02
+
+
+def test_a_board_that_looks_sharper_than_cameras_make_it_tells_no_curve() -> None:
+    drawn = drawn_of(pictured(light_of_a_board(1), 1))
+    assert board_curve(drawn, BOARD, None, 0.5) is not None
+    assert board_curve(drawn, BOARD, None, MOST_STRENGTH_PX2) is None
 
 
 def test_the_curve_that_a_board_tells_is_in_the_claims() -> None:

@@ -23,7 +23,7 @@ from .drawn import DrawnBoard
 from .ghost import with_ghost
 from .ghost_light import Ghost
 from .medians import median
-from .sharpening import falling, undone
+from .sharpening import MOST_STRENGTH_PX2, falling, undone
 
 # Fewer balls than this cannot separate the camera's curve from their own shading.
 LEAST_BALLS = 3
@@ -50,6 +50,9 @@ def board_curve(drawn: DrawnBoard, board: Board, ghost: Ghost | None, sharpening
 
     Before, it is N(0, 1), or as wide as what the board shows demands: τ² = max(1, x² − s²). Then it is N(x τ², s² τ²) / (τ² + s²), x and s by the board.
     """
+    if sharpening_px2 >= MOST_STRENGTH_PX2:
+        # More than cameras sharpen: the picture was enlarged, or blurred otherwise than it is drawn.
+        return None
     levels = np.ascontiguousarray(undone(drawn.gray, sharpening_px2))
     found = _core.pattern_curve(
         levels,
