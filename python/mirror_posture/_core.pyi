@@ -494,6 +494,7 @@ def measure_balls(
     radii_px: npt.ArrayLike,
     camera: Camera,
     chroma_step_px: tuple[int, int],
+    curve: float,
 ) -> list[BallOutline | None]: ...
 def codec_covariances(
     bgr: npt.NDArray[np.uint8],
@@ -505,7 +506,7 @@ def codec_covariances(
     sampling: tuple[int, int],
 ) -> list[list[float] | None]: ...
 def measure_blurred_balls(
-    bgr: npt.NDArray[np.uint8], expected_px: list[list[float]], camera: Camera
+    bgr: npt.NDArray[np.uint8], expected_px: list[list[float]], camera: Camera, curve: float
 ) -> list[BallOutline | None]: ...
 
 @final
@@ -521,6 +522,13 @@ class PatternGhost:
 def pattern_ghost(
     light: npt.NDArray[np.float32], models: list[npt.NDArray[np.float32]], reach_px: int
 ) -> PatternGhost | None: ...
+def pattern_curve(
+    levels: npt.NDArray[np.uint8],
+    pattern: npt.NDArray[np.float32],
+    shared_pixels: float,
+    ink_px: float,
+    sharpening: tuple[npt.NDArray[np.float32], float] | None,
+) -> tuple[float, float] | None: ...
 def plain_png(content: bytes) -> npt.NDArray[np.uint8] | None: ...
 def chroma_step(bgr: npt.NDArray[np.uint8]) -> tuple[int, int]: ...
 def color_regions(

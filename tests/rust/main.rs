@@ -30,6 +30,7 @@ mod mirror;
 mod montecarlo;
 mod outline;
 mod outline_blurred;
+mod outline_curve;
 mod picture;
 mod planar;
 mod reflection;

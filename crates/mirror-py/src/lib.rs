@@ -46,7 +46,7 @@ mod _core {
     #[pymodule_export]
     use crate::outline::{
         PyBallOutline, PyPatternGhost, chroma_step, codec_covariances, color_regions,
-        fit_circle_by_consensus, measure_balls, measure_blurred_balls, pattern_ghost,
+        fit_circle_by_consensus, measure_balls, measure_blurred_balls, pattern_curve, pattern_ghost,
     };
     #[pymodule_export]
     use crate::picture::PictureMaker;

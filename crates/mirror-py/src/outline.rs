@@ -6,9 +6,9 @@ use crate::errors::{MirrorPostureError, to_py};
 use crate::work::Work;
 use mirror_core::Cancel;
 use mirror_core::outline::{
-    BallOutline, Circle, Codec, ColorBox, CommonBlur, ExpectedRadius, PatternGhost, PatternView, Picture,
-    RadiusRange, chroma_step as step_of, codec_covariance, color_regions as regions_of, fit_circle,
-    measure_ball, measure_blurred_ball, pattern_ghost as ghost_of,
+    BallOutline, Circle, Codec, ColorBox, CommonBlur, ExpectedRadius, PatternGhost, PatternLevels,
+    PatternView, Picture, RadiusRange, chroma_step as step_of, codec_covariance, color_regions as regions_of,
+    fit_circle, measure_ball, measure_blurred_ball, pattern_curve as curve_of, pattern_ghost as ghost_of,
 };
 use numpy::ndarray::Array2;
 use numpy::{IntoPyArray, PyArray2, PyReadonlyArray2, PyReadonlyArray3, PyUntypedArrayMethods};
@@ -97,7 +97,8 @@ impl PyBallOutline {
     }
 }
 
-/// The balls near circles `(N, 3)`: u, v, radius, with radii in `(N, 2)`, px; None where there is none.
+/// The balls near circles `(N, 3)`: u, v, radius, with radii in `(N, 2)`, px; None where there is none. `curve`: by how many deviations the camera's tone curve differs
+/// from sRGB's.
 #[pyfunction]
 pub fn measure_balls(
     py: Python<'_>,
@@ -106,8 +107,9 @@ pub fn measure_balls(
     radii_px: Array2Like<'_>,
     camera: &PyCamera,
     chroma_step_px: (usize, usize),
+    curve: f64,
 ) -> PyResult<Vec<Option<PyBallOutline>>> {
-    let picture = picture_of(&bgr, chroma_step_px)?;
+    let picture = picture_of(&bgr, chroma_step_px)?.with_curve(curve);
     let starts = starts_of(&circles_px, &radii_px)?;
     let camera = camera.inner.as_ref();
     let found = at_each(py, &starts, |circle, range| measure_ball(&picture, circle, range, camera))?;
@@ -176,8 +178,9 @@ pub fn measure_blurred_balls(
     bgr: PyReadonlyArray3<'_, u8>,
     expected_px: Vec<[f64; 4]>,
     camera: &PyCamera,
+    curve: f64,
 ) -> PyResult<Vec<Option<PyBallOutline>>> {
-    let picture = picture_of(&bgr, (1, 1))?;
+    let picture = picture_of(&bgr, (1, 1))?.with_curve(curve);
     let camera = camera.inner.as_ref();
     let cancel = Cancel::new();
     let found: Vec<_> = py.work_until(&cancel, || {
@@ -326,4 +329,34 @@ pub fn pattern_ghost(
         models.iter().map(|model| model.as_slice().map_err(contiguous)).collect::<PyResult<_>>()?;
     let found = py.work(|| ghost_of(&view, &models)).map_err(to_py)?;
     Ok(found.map(|inner| PyPatternGhost { inner }))
+}
+
+/// The camera's tone curve by a view of the pattern: grey levels and the drawn pattern `(H, W)`, how many pixels share their errors, and how far ink may spread, px; where a
+/// sharpening was undone, how much each level falls for each px² of more `(H, W)`, and its strength's deviation, px². By how many deviations the curve differs from sRGB's, and
+/// the standard deviation of that; None where the view does not tell it.
+#[pyfunction]
+pub fn pattern_curve(
+    py: Python<'_>,
+    levels: PyReadonlyArray2<'_, u8>,
+    pattern: PyReadonlyArray2<'_, f32>,
+    shared_pixels: f64,
+    ink_px: f64,
+    sharpening: Option<(PyReadonlyArray2<'_, f32>, f64)>,
+) -> PyResult<Option<(f64, f64)>> {
+    let contiguous = |_| MirrorPostureError::new_err("levels, pattern, sharpening: needed arrays in C order");
+    let shape = levels.shape();
+    let view = PatternLevels {
+        width: shape[1],
+        height: shape[0],
+        levels: levels.as_slice().map_err(contiguous)?,
+        pattern: pattern.as_slice().map_err(contiguous)?,
+        shared_pixels,
+        ink_px,
+        sharpening: match &sharpening {
+            Some((falls, std)) => Some((falls.as_slice().map_err(contiguous)?, *std)),
+            None => None,
+        },
+    };
+    let found = py.work(|| curve_of(&view)).map_err(to_py)?;
+    Ok(found.map(|curve| (curve.deviations, curve.std)))
 }

@@ -68,25 +68,33 @@ def measure_balls(
     starts: Sequence[Start],
     camera: Camera,
     chroma_step_px: tuple[int, int] = (1, 1),
+    curve: float = 0.0,
 ) -> list[OutlineFit | None]:
-    """The ball at each start in a colour picture `(H, W, 3)` BGR, or None where no outline of a sphere of a fitting size is there."""
+    """The ball at each start in a colour picture `(H, W, 3)` BGR, or None where no outline of a sphere of a fitting size is there.
+
+    `curve`: by how many deviations of the covariances' allowance the camera's tone curve differs from sRGB's; the light is sRGB's to the power `1.085^curve`.
+    """
     if not starts:
         return []
     circles = [[*one.circle.center_px, one.circle.radius_px] for one in starts]
     radii = [[one.min_radius_px, one.max_radius_px] for one in starts]
     found = _core.measure_balls(
-        np.ascontiguousarray(bgr), np.array(circles), np.array(radii), camera.core, chroma_step_px
+        np.ascontiguousarray(bgr), np.array(circles), np.array(radii), camera.core, chroma_step_px, curve
     )
     return [None if one is None else _as_fit(one) for one in found]
 
 
 def measure_blurred_balls(
-    bgr: npt.NDArray[np.uint8], starts: Sequence[Circle], radius_std_share: float, camera: Camera
+    bgr: npt.NDArray[np.uint8],
+    starts: Sequence[Circle],
+    radius_std_share: float,
+    camera: Camera,
+    curve: float = 0.0,
 ) -> list[OutlineFit | None]:
     """The ball of a circle's size near each circle, measured from all of its pixels: for balls that are
     blurred over much of their radius. None where none is found.
 
-    Three or more share their blur, as far as they determine one.
+    Three or more share their blur, as far as they determine one. `curve` as in `measure_balls`.
 
     `arc_fraction` is the share of its rim whose pixels fit, `residual_rms_px` the edge error that
     corresponds to its pixels' residuals.
@@ -97,7 +105,7 @@ def measure_blurred_balls(
         [float(one.center_px[0]), float(one.center_px[1]), one.radius_px, radius_std_share * one.radius_px]
         for one in starts
     ]
-    found = _core.measure_blurred_balls(np.ascontiguousarray(bgr), expected, camera.core)
+    found = _core.measure_blurred_balls(np.ascontiguousarray(bgr), expected, camera.core, curve)
     return [None if one is None else _as_fit(one) for one in found]
 
 

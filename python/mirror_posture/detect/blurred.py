@@ -77,11 +77,12 @@ def with_blurred(
     options: MarkerOptions,
     coded: bool,
     ghost: Ghost | None = None,
+    curve: float = 0.0,
 ) -> list[MarkerView]:
     """Views by the rays; balls measured as a whole replace them where something moved by much of its
     radius, where they claim a smaller deviation, or where the rays fail.
 
-    `fits` are all outlines by the rays, by marker.
+    `fits` are all outlines by the rays, by marker; `curve` as in `measure_balls`.
     """
     # One blurred ball among sharp ones is partly hidden, or another object.
     shown = [fit.lens_blur_px for own in fits for fit in own if fit is not None]
@@ -95,7 +96,7 @@ def with_blurred(
     }
     result = list(views)
     for index, ball in zip(
-        tried, blurred_views(bgr, list(tried.values()), camera, options, coded, ghost), strict=True
+        tried, blurred_views(bgr, list(tried.values()), camera, options, coded, ghost, curve), strict=True
     ):
         if ball is not None and (
             ball.moved or not views[index].ok or _variance(ball.view) < _variance(views[index])
@@ -115,6 +116,7 @@ def blurred_views(
     options: MarkerOptions,
     coded: bool,
     ghost: Ghost | None = None,
+    curve: float = 0.0,
 ) -> list[Blurred | None]:
     """Each marker's ball as a whole, where one region of its colour is a blurred ball of the size that the model expects; None otherwise. Three or more share their blur.
 
@@ -125,7 +127,7 @@ def blurred_views(
     found: list[list[Blurred]] = [[] for _ in wanted]
     for (index, region), alone in zip(
         tried,
-        measure_blurred_balls(without_ghost(bgr, ghost, starts), starts, KNOWN_SIZE_SHARE, camera),
+        measure_blurred_balls(without_ghost(bgr, ghost, starts), starts, KNOWN_SIZE_SHARE, camera, curve),
         strict=True,
     ):
         one, fit = wanted[index], with_ghost_left(alone, ghost, False)

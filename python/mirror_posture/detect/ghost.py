@@ -12,7 +12,7 @@ import numpy as np
 
 from .. import _core
 from .drawn import DrawnBoard
-from .ghost_light import Ghost, Pane, linear_light
+from .ghost_light import Ghost, Pane, linear_light, moved_by
 from .types import Pixels
 
 # Blurs of the drawn pattern that are tried, px.
@@ -40,6 +40,15 @@ def board_ghost(drawn: DrawnBoard, pane: Pane | None = None) -> Ghost | None:
     if pane is None or ghost.strength == 0.0:
         return ghost
     return _or_of_pane(ghost, pane, found, drawn.corner, drawn.size)
+
+
+def with_ghost(drawn: DrawnBoard, ghost: Ghost | None) -> DrawnBoard:
+    """A drawn board whose pattern shows a ghost too: a lens mixes its light like all other."""
+    if ghost is None or ghost.strength == 0.0:
+        return drawn
+    moved = moved_by(drawn.pattern, np.array(ghost.shift_px))
+    both: Pixels = (1.0 - ghost.strength) * drawn.pattern + ghost.strength * moved
+    return replace(drawn, pattern=both.astype(np.float32))
 
 
 def _or_of_pane(

@@ -21,7 +21,7 @@ from .ball import Circle, OutlineFit, Start, fit_circle, measure_balls
 from .blobs import Region, color_regions, contour_px
 from .blurred import MOST_QUANTISATION_STEP, Expected, with_blurred
 from .candidates import NEARER_RADII, SIZE_FACTOR, Candidate, choose, find_candidates
-from .curve import curve_doubt, with_curve_doubt
+from .curve import Curve, curve_doubt, with_curve_doubt
 from .ghost_light import Ghost, with_ghost_left, without_ghost
 from .marker_choice import Choice, SizeBounds, assign
 from .marker_judge import (
@@ -71,6 +71,7 @@ def detect_markers(
     ghost: Ghost | None = None,
     codec: Codec | None = None,
     sharpening_px2: float = 0.0,
+    curve: Curve | None = None,
 ) -> tuple[MarkerView, ...]:
     """Detects each marker in a colour picture `(H, W, 3)` uint8 BGR, in the given order; masked ones have
     their reason.
@@ -78,7 +79,7 @@ def detect_markers(
     `predictions` are fences: nothing outside of them is looked at. `expected` are hints, of a robot's model: place and size of each ball, either of which may be
     off. `chroma_step_px`: pixels across and down that share a colour, as the picture's codec has it;
     `quantisation_step`: its step of brightness, levels; `codec`: how it was coded, where the file tells it. `ghost`: the second picture that a pane shows, which is
-    taken off; `sharpening_px2`: the strength of the camera's sharpening, which is undone.
+    taken off; `sharpening_px2`: the strength of the camera's sharpening, which is undone; `curve`: its tone curve, where the board shows it.
     """
     options = (options or MarkerOptions()).with_codec(quantisation_step, chroma_step_px != (1, 1))
     bounds = bounds or {}
@@ -113,6 +114,8 @@ def detect_markers(
     if sampled is not None:
         widened = 1.0
 
+    bent = 0.0 if curve is None else curve.deviations
+
     def measured(starts: list[Start]) -> list[OutlineFit | None]:
         circles = [start.circle for start in starts]
         return [
@@ -128,11 +131,12 @@ def detect_markers(
                 starts,
                 assumed,
                 chroma_step_px,
+                bent,
             )
         ]
 
     found = measured(starts)
-    doubt = curve_doubt(found)
+    doubt = curve_doubt(found) if curve is None else curve.std
     fits = iter([with_curve_doubt(fit, doubt) for fit in found])
     fits_of = [[next(fits) for _ in job.starts] for job in jobs]
 
@@ -149,7 +153,7 @@ def detect_markers(
     by_rays = views
     if quantisation_step <= MOST_QUANTISATION_STEP:
         wanted = [_expected(job) for job in jobs]
-        views = with_blurred(bgr, wanted, fits_of, views, assumed, options, coded, ghost)
+        views = with_blurred(bgr, wanted, fits_of, views, assumed, options, coded, ghost, bent)
     if sampled is not None:
         recoded = with_codec_errors(bgr, by_rays, sampled, assumed, chroma_step_px)
         views = [new if old is view else view for old, new, view in zip(by_rays, recoded, views, strict=True)]

@@ -21,6 +21,7 @@ from ..board import CHARUCO
 from ..camera import Camera
 from .board import BoardOptions, detect_boards
 from .charuco import detect_charuco
+from .curve import board_curve
 from .drawn import drawn_board
 from .ghost import board_ghost
 from .ghost_light import Pane
@@ -114,15 +115,16 @@ def detect_picture(
     chroma_step_px = file.chroma_step_px
     if setup.markers and chroma_step_px == (1, 1):
         chroma_step_px = chroma_step(bgr)
-    ghost, sharpening_px2 = None, 0.0
+    ghost, sharpening_px2, curve = None, 0.0, None
     if setup.markers and chessboard is not None and reflected is not None:
         pane = None
         if mirror is not None and setup.camera is not None:
             pane = Pane(mirror.normal, float(np.linalg.norm(mirror.reflection_m)), setup.camera)
         drawn = drawn_board(gray, reflected, chessboard)
-        # Where colour is coarse, edges are read in levels: sharpening does not move them.
+        # Where colour is coarse, edges are read in levels: neither sharpening nor another curve moves them.
         if drawn is not None and chroma_step_px == (1, 1) and file.quantisation_step < COARSE_COLOUR_STEP:
             ghost, sharpening_px2 = ghost_and_sharpening(drawn, pane)
+            curve = board_curve(drawn, chessboard, ghost, sharpening_px2)
         elif drawn is not None:
             ghost = board_ghost(drawn, pane)
     markers = detect_markers(
@@ -138,6 +140,7 @@ def detect_picture(
         ghost,
         file.codec,
         sharpening_px2,
+        curve,
     )
     return PictureDetections(source, width, height, boards, markers, warnings=warnings)
 

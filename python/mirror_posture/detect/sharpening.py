@@ -19,8 +19,8 @@ import numpy.typing as npt
 
 from .ball import Circle
 from .drawn import DrawnBoard
-from .ghost import board_ghost
-from .ghost_light import Ghost, Pane, moved_by, surroundings
+from .ghost import board_ghost, with_ghost
+from .ghost_light import Ghost, Pane, surroundings
 from .types import FloatArray, Pixels
 
 # Blurs of the pattern to begin with, px, the range of the blur, px, and of the strength, px²: cameras' own sharpening has up to 0.3.
@@ -51,9 +51,7 @@ def ghost_and_sharpening(drawn: DrawnBoard, pane: Pane | None) -> tuple[Ghost | 
     strength = board_sharpening_px2(drawn)
     ghost = board_ghost(replace(drawn, gray=undone(drawn.gray, strength)), pane)
     if strength > 0.0 and ghost is not None and ghost.strength > 0.0:
-        moved = moved_by(drawn.pattern, np.array(ghost.shift_px))
-        both: Pixels = (1.0 - ghost.strength) * drawn.pattern + ghost.strength * moved
-        strength = board_sharpening_px2(replace(drawn, pattern=both.astype(np.float32)))
+        strength = board_sharpening_px2(with_ghost(drawn, ghost))
     return ghost, strength
 
 
@@ -136,6 +134,13 @@ def undone(levels: Pixels, strength_px2: float) -> Pixels:
     if strength_px2 == 0.0:
         return levels
     result: Pixels = cv2.filter2D(levels, -1, _inverse(strength_px2), borderType=cv2.BORDER_REPLICATE)
+    return result
+
+
+def falling(levels: Pixels, strength_px2: float) -> Pixels:
+    """How much levels (H, W), of which a sharpening was undone, fall for each px² of more that is undone: `|ω|² / (1 + k |ω|²)` of them, 0..1."""
+    shares = levels.astype(np.float32) / np.float32(255.0)
+    result: Pixels = cv2.filter2D(undone(shares, strength_px2), -1, _CROSS, borderType=cv2.BORDER_REPLICATE)
     return result
 
 

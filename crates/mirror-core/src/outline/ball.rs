@@ -29,7 +29,7 @@ const TOLERANCE_PX: f64 = 0.675;
 /// blur and for each px² of it, and the same in coded pictures. Measured on rendered and path-traced balls, as the
 /// shares below.
 const SHARED_BY_BLUR: [f64; 2] = [0.0127, 0.0171];
-const SHARED_BY_CODED_BLUR: [f64; 2] = [0.0330, 0.0255];
+const SHARED_BY_CODED_BLUR: [f64; 2] = [0.0276, 0.0213];
 /// The same by sharpening, px for an overshoot of the whole step; beside that, it parts the channels (`channels`).
 const SHARED_BY_OVERSHOOT_PX: f64 = 0.4;
 /// Along the outline, edges share their errors over about this length (times the blur, where that is above 1 px): what lies behind, and a codec's blocks.

@@ -43,7 +43,7 @@ pub fn codec_covariance(
         return None;
     }
     let place = Place::within(picture, &start.center_px, reach_px)?;
-    let patch = Patch::of(place.levels(picture), &place, picture.chroma_step());
+    let patch = Patch::of(place.levels(picture), &place, picture);
     let (ball, aim) = settled(&patch, Aim::at(start, picture, camera)?.sparse(), range, camera, 1)?;
     let (across, down) = codec.sampling();
     let sight = aim.sight(&patch, Look::Near);
@@ -52,7 +52,7 @@ pub fn codec_covariance(
         .iter()
         .filter_map(|(u, v)| {
             let levels = surroundings.again((u * across, v * down));
-            let sample = Patch::of(levels, &place, picture.chroma_step());
+            let sample = Patch::of(levels, &place, picture);
             let (found, _) = aim.measured_on(&sight, &sample, range, camera, Look::Near)?;
             range.holds(&found).then(|| found.cone.centroid_px - ball.cone.centroid_px)
         })

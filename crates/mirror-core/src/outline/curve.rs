@@ -21,7 +21,7 @@ static LIGHT: LazyLock<Vec<f64>> = LazyLock::new(|| {
 });
 
 /// A camera's own curve may differ from sRGB's by this power.
-const CURVE_DOUBT: f64 = 1.085;
+pub(super) const CURVE_DOUBT: f64 = 1.085;
 
 /// That power of evenly spaced values of 0..1, and its root.
 static POWERS: LazyLock<[Vec<f64>; 2]> = LazyLock::new(|| {

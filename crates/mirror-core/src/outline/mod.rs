@@ -26,7 +26,7 @@
 //! | `hues`, `scatter` | in coded pictures: colours smoothed along the outline; the scatter of edges around it |
 //! | `sight`, `rays`, `edges`, `luma`, `blur` | where rays are sampled, the light along them, sub-pixel edges of the colour and of the brightness, and the blur that they show |
 //! | `curve` | levels and light; displacement where light mixes on another scale than the values are on: the codec's levels, a camera's tone curve |
-//! | `channels` | the camera's tone curve from the channels' edges |
+//! | `channels`, `pattern_curve` | the camera's tone curve from the channels' edges, and from the board's pattern |
 //! | `unmixing` | a colour as a mixture of the ball's and the background's |
 //! | `cone` | the cone of rays that touch a sphere, with covariance |
 //! | `whole`, `template` | a ball that is blurred over much of its radius, fitted to all of its pixels; its image |
@@ -51,6 +51,7 @@ mod hues;
 mod luma;
 mod own_colour;
 mod patch;
+mod pattern_curve;
 mod pattern_rows;
 mod ray_edge;
 mod rays;
@@ -72,6 +73,7 @@ pub use common_blur::CommonBlur;
 pub use cone::{ConeFit, ConeOutline, EdgePoint, cone_centroid, fit_cone};
 pub use ghost::{PatternGhost, PatternView, pattern_ghost};
 pub use patch::Picture;
+pub use pattern_curve::{PatternCurve, PatternLevels, pattern_curve};
 pub use recoding::Codec;
 pub use regions::{ColorBox, ColorRegion, color_regions};
 pub use whole::{BlurredBall, ExpectedRadius, measure_blurred_ball};

@@ -1,6 +1,7 @@
 //! A cut-out of a picture, prepared for reading edges.
 
 use super::circle::Circle;
+use super::curve::CURVE_DOUBT;
 use crate::error::{Error, Result};
 use nalgebra::Vector2;
 use std::sync::LazyLock;
@@ -24,6 +25,11 @@ static LINEAR: LazyLock<[f32; 256]> = LazyLock::new(|| {
     })
 });
 
+/// sRGB's linear light by level.
+pub(super) fn linear() -> &'static [f32; 256] {
+    &LINEAR
+}
+
 /// A colour picture: rows of 8-bit blue, green, red, as OpenCV keeps them.
 #[derive(Debug, Clone, Copy)]
 pub struct Picture<'a> {
@@ -31,6 +37,8 @@ pub struct Picture<'a> {
     pub(super) width: usize,
     pub(super) height: usize,
     chroma_step: (usize, usize),
+    /// The light is sRGB's to this power.
+    light_power: f32,
 }
 
 impl<'a> Picture<'a> {
@@ -55,7 +63,19 @@ impl<'a> Picture<'a> {
                 });
             }
         }
-        Ok(Self { bgr, width, height, chroma_step })
+        Ok(Self { bgr, width, height, chroma_step, light_power: 1.0 })
+    }
+
+    /// The same by a camera whose tone curve differs from sRGB's by so many deviations of what covariances allow for:
+    /// its light is sRGB's to the power `1.085^deviations`. Where a codec keeps colour coarsely, levels are read as they are.
+    #[must_use]
+    pub fn with_curve(self, deviations: f64) -> Self {
+        Self { light_power: CURVE_DOUBT.powf(deviations) as f32, ..self }
+    }
+
+    /// The light of each level.
+    fn light(&self) -> [f32; 256] {
+        if self.light_power == 1.0 { *LINEAR } else { LINEAR.map(|light| light.powf(self.light_power)) }
     }
 
     /// A row's bytes.
@@ -66,11 +86,6 @@ impl<'a> Picture<'a> {
     /// The same, its values taken as light whatever its codec.
     pub(super) fn as_light(&self) -> Self {
         Self { chroma_step: (1, 1), ..*self }
-    }
-
-    /// Pixels across and down that share a colour.
-    pub(super) fn chroma_step(&self) -> (usize, usize) {
-        self.chroma_step
     }
 
     /// Whether the codec keeps colour at a lower resolution than brightness.
@@ -160,18 +175,18 @@ impl Patch {
     /// What a measurement of the ball at a circle reads; None where that is not a part of the picture.
     pub fn around(picture: &Picture<'_>, start: &Circle) -> Option<Self> {
         let place = Place::around(picture, start)?;
-        Some(Self::of(place.levels(picture), &place, picture.chroma_step))
+        Some(Self::of(place.levels(picture), &place, picture))
     }
 
     /// The part of a picture between two corners, px.
     pub fn cut(picture: &Picture<'_>, low: [f64; 2], high: [f64; 2]) -> Self {
         let place = Place::between(picture, low, high);
-        Self::of(place.levels(picture), &place, picture.chroma_step)
+        Self::of(place.levels(picture), &place, picture)
     }
 
-    /// Of levels (blue, green, red) at a place of the picture.
-    pub fn of(levels: Vec<[u8; 3]>, place: &Place, chroma_step: (usize, usize)) -> Self {
-        let (width, height) = (place.width, place.height);
+    /// Of levels (blue, green, red) at a place of a picture like this one.
+    pub fn of(levels: Vec<[u8; 3]>, place: &Place, picture: &Picture<'_>) -> Self {
+        let (width, height, chroma_step) = (place.width, place.height, picture.chroma_step);
         let noise = noise_levels(&levels, width, height);
         // The covered length does not mind a blur, and noise does.
         let smoothing = if noise > NOISY_LEVELS {
@@ -188,7 +203,7 @@ impl Patch {
             smooth(&mut luma, width, height, smoothing);
         } else {
             luma = Vec::new();
-            let table = &*LINEAR;
+            let table = picture.light();
             let of = |level: u8| table[usize::from(level)];
             light = levels.iter().map(|[b, g, r]| [of(*b), of(*g), of(*r)]).collect();
         }
@@ -356,36 +371,44 @@ fn at_chroma_resolution(
 }
 
 /// Gaussian blur of a plane, in place; the border is mirrored.
-fn smooth(plane: &mut [f32], width: usize, height: usize, sigma_px: f64) {
+pub(super) fn smooth(plane: &mut [f32], width: usize, height: usize, sigma_px: f64) {
     if sigma_px <= 0.0 || width < 2 || height < 2 {
         return;
     }
-    let reach = (4.0 * sigma_px).ceil() as isize;
-    let raw: Vec<f64> = (-reach..=reach).map(|i| (-0.5 * (i as f64 / sigma_px).powi(2)).exp()).collect();
+    let reach = (4.0 * sigma_px).ceil() as usize;
+    let raw: Vec<f64> =
+        (0..=2 * reach).map(|i| (-0.5 * ((i as f64 - reach as f64) / sigma_px).powi(2)).exp()).collect();
     let total: f64 = raw.iter().sum();
     let kernel: Vec<f32> = raw.iter().map(|k| (k / total) as f32).collect();
-    let mirrored = |i: isize, size: usize| {
+    // Places of a line that is longer by the reach at both of its ends.
+    let mirrored = |size: usize| -> Vec<usize> {
         let period = 2 * (size as isize - 1);
-        let folded = i.rem_euclid(period);
-        folded.min(period - folded) as usize
+        (0..size + 2 * reach)
+            .map(|i| (i as isize - reach as isize).rem_euclid(period))
+            .map(|folded| folded.min(period - folded) as usize)
+            .collect()
+    };
+    let add = |sums: &mut [f32], share: f32, values: &[f32]| {
+        for (sum, value) in sums.iter_mut().zip(values) {
+            *sum += share * value;
+        }
     };
     let mut wide = vec![0.0f32; plane.len()];
-    for row in 0..height {
-        for column in 0..width {
-            let sum = kernel
-                .iter()
-                .zip(-reach..)
-                .map(|(k, i)| k * plane[row * width + mirrored(column as isize + i, width)]);
-            wide[row * width + column] = sum.sum();
+    let across = mirrored(width);
+    let mut longer = vec![0.0f32; across.len()];
+    for (row, sums) in plane.chunks_exact(width).zip(wide.chunks_exact_mut(width)) {
+        for (value, place) in longer.iter_mut().zip(&across) {
+            *value = row[*place];
+        }
+        for (i, share) in kernel.iter().enumerate() {
+            add(sums, *share, &longer[i..i + width]);
         }
     }
-    for row in 0..height {
-        for column in 0..width {
-            let sum = kernel
-                .iter()
-                .zip(-reach..)
-                .map(|(k, i)| k * wide[mirrored(row as isize + i, height) * width + column]);
-            plane[row * width + column] = sum.sum();
+    let down = mirrored(height);
+    for (row, sums) in plane.chunks_exact_mut(width).enumerate() {
+        sums.fill(0.0);
+        for (share, place) in kernel.iter().zip(&down[row..]) {
+            add(sums, *share, &wide[place * width..(place + 1) * width]);
         }
     }
 }
