@@ -1,5 +1,6 @@
 //! Gross mistakes of model or log: the name of each, and how it is undone exactly.
 
+use super::exchanges::fewest;
 use super::variant::{Variant, other_of};
 use crate::camera::Camera;
 use crate::diagnose::data::recording::{Recording, Target};
@@ -201,8 +202,17 @@ impl Mistake {
     }
 
     /// The one mistake that this and another one together are, if they are one: late by whole rows, and by a part
-    /// of one.
+    /// of one; exchanges that fewer have the effect of.
     pub fn together(&self, other: &Self) -> Option<Self> {
+        if let (Some(first), Some(then)) = (self.exchanges(), other.exchanges()) {
+            let pairs = fewest(&[&first[..], &then[..]].concat());
+            return match pairs[..] {
+                [] => None,
+                _ if pairs.len() >= first.len() + then.len() => None,
+                [joints] => Some(Self::JointsSwapped { joints }),
+                _ => Some(Self::ColumnsSwapped { pairs }),
+            };
+        }
         let (Self::Late { joint, rows: a, kind: of_a }, Self::Late { joint: its, rows: b, kind: of_b }) =
             (self, other)
         else {
@@ -211,6 +221,15 @@ impl Mistake {
         let kind = if a.fract() == 0.0 { *of_b } else { *of_a };
         let whole = a.fract() == 0.0 || b.fract() == 0.0;
         (whole && joint == its).then_some(Self::Late { joint: *joint, rows: a + b, kind })
+    }
+
+    /// The pairs of columns that changed places, one after the other.
+    fn exchanges(&self) -> Option<Vec<(usize, usize)>> {
+        match self {
+            Self::JointsSwapped { joints } => Some(vec![*joints]),
+            Self::ColumnsSwapped { pairs } => Some(pairs.clone()),
+            _ => None,
+        }
     }
 
     /// Whether nothing about it is found from the data but that it is there.

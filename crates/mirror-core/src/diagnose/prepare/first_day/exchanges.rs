@@ -1,0 +1,48 @@
+//! Exchanges of columns, one after the other, as few as have the same effect.
+//!
+//! Exchanges are permutations: five of neighbours may carry two columns to each other's places and all others back. A chain of mistakes grows by one
+//! exchange at a time, so that a single swapped pair can come out of it as five. A permutation of n columns in c cycles takes n − c exchanges.
+
+/// The fewest exchanges with the effect of these.
+pub(super) fn fewest(pairs: &[(usize, usize)]) -> Vec<(usize, usize)> {
+    let count = pairs.iter().map(|&(a, b)| a.max(b) + 1).max().unwrap_or(0);
+    let mut wanted: Vec<usize> = (0..count).collect();
+    pairs.iter().for_each(|&(a, b)| wanted.swap(a, b));
+    let mut now: Vec<usize> = (0..count).collect();
+    let mut out = Vec::new();
+    for place in 0..count {
+        let from = now.iter().position(|column| *column == wanted[place]);
+        if let Some(from) = from.filter(|from| *from != place) {
+            now.swap(place, from);
+            out.push((place, from));
+        }
+    }
+    out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn carried(pairs: &[(usize, usize)]) -> Vec<usize> {
+        let mut row: Vec<usize> = (0..8).collect();
+        pairs.iter().for_each(|&(a, b)| row.swap(a, b));
+        row
+    }
+
+    #[test]
+    fn five_exchanges_of_neighbours_may_be_one() {
+        assert_eq!(fewest(&[(4, 5), (3, 4), (2, 3), (3, 4), (4, 5)]), [(2, 5)]);
+        assert_eq!(fewest(&[(1, 2), (1, 2)]), []);
+    }
+
+    #[test]
+    fn the_effect_stays() {
+        let some = [vec![(0, 1), (2, 3)], vec![(0, 1), (1, 2), (2, 3)], vec![(5, 2), (2, 7), (7, 5), (0, 2)]];
+        for pairs in some {
+            let few = fewest(&pairs);
+            assert_eq!(carried(&few), carried(&pairs));
+            assert!(few.len() <= pairs.len());
+        }
+    }
+}
