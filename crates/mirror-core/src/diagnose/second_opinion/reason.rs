@@ -44,6 +44,8 @@ pub(super) enum Reason {
     Weak,
     /// A picture of another size is named, together with a focal length that cancels it.
     Resized,
+    /// Several markers are named on other links: their names may be exchanged.
+    SeveralOnOtherLinks,
     /// A slip is small, given the causes.
     HardlySlipped,
     /// Slipped rows fit their own postures, given the causes.
@@ -80,6 +82,9 @@ impl Reason {
         if is_lawless(first) {
             return Some(if found.says_nothing { Self::SaysNothing } else { Self::Lawless });
         }
+        if first.causes.iter().filter(|c| c.effect == ON_ANOTHER_LINK).count() > 1 {
+            return Some(Self::SeveralOnOtherLinks);
+        }
         if named(RESIZED.0) && named(RESIZED.1) {
             return Some(Self::Resized);
         }
@@ -104,6 +109,7 @@ impl Reason {
             Self::Twice => &[RATIO.0],
             Self::Lawless | Self::SaysNothing | Self::Weak => &OF_A_COLUMN,
             Self::Resized => &[RESIZED.0],
+            Self::SeveralOnOtherLinks => &[ON_ANOTHER_LINK],
             Self::HardlySlipped | Self::Slip => &[SLIP],
             Self::Pairing | Self::InOrder => &[PAIRING],
             Self::Unexplained | Self::FalseTogether | Self::TooLarge => &[],
@@ -120,6 +126,10 @@ impl Reason {
         let no_worse = left(second) <= left(first);
         match self {
             Self::Twice | Self::Resized | Self::HardlySlipped => no_worse || explains(second),
+            // Their places, free in the first, fit a little better in any case.
+            Self::SeveralOnOtherLinks => {
+                explains(second) && LEAST_HELD_OUT_RATIO * left(second) <= left(first)
+            }
             // With more rows there is more to predict.
             Self::InOrder => {
                 no_worse || explains(second) || !explains(first) && MAJORITY * left(second) <= left(first)
@@ -163,6 +173,9 @@ impl Reason {
             }
             Self::Resized => {
                 "second diagnosis accepted: a focal length cancelled the pictures' other size; the pictures have the camera's size"
+            }
+            Self::SeveralOnOtherLinks => {
+                "second diagnosis accepted: markers that seemed to be on each other's links have exchanged names"
             }
             Self::HardlySlipped => {
                 "second diagnosis accepted: the small slip does not improve the prediction of held-out regions; nothing slipped"
