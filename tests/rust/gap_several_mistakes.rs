@@ -317,3 +317,25 @@ fn a_camera_that_hangs_is_named_with_its_rows_and_a_posture_that_is_held_is_none
     }
     assert!(named(&run(&world, &held)).is_empty());
 }
+
+/// Free places on other links make up for a part of what the camera's file has wrong.
+#[test]
+fn exchanged_names_beside_a_camera_of_another_resolution_are_no_markers_on_other_links() {
+    let world = world();
+    let mut recording = world.record(&plan(60, Vec::new()));
+    let sight = recording.sight.as_mut().unwrap();
+    let c = &sight.camera;
+    sight.camera = Camera::new(c.size_px(), c.focal_px() / 2.0, c.center_px() / 2.0, c.distortion()).unwrap();
+    let (a, b) = (3, 4);
+    for sighting in recording.frames.iter_mut().flat_map(|f| &mut f.sightings) {
+        sighting.target = match sighting.target {
+            Target::Marker(m) if m == a => Target::Marker(b),
+            Target::Marker(m) if m == b => Target::Marker(a),
+            other => other,
+        };
+    }
+    let diagnosis = run(&world, &recording);
+    let wanted = ["camera_resolution@camera", "markers_swapped@marker:r_upper<->marker:r_fore"];
+    assert_eq!(named(&diagnosis), wanted, "{:?}", diagnosis.trace);
+    assert_near(&diagnosis, "camera_resolution", "factor", 2.0, 1e-12);
+}
