@@ -19,30 +19,3 @@ pub(super) fn fewest(pairs: &[(usize, usize)]) -> Vec<(usize, usize)> {
     }
     out
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn carried(pairs: &[(usize, usize)]) -> Vec<usize> {
-        let mut row: Vec<usize> = (0..8).collect();
-        pairs.iter().for_each(|&(a, b)| row.swap(a, b));
-        row
-    }
-
-    #[test]
-    fn five_exchanges_of_neighbours_may_be_one() {
-        assert_eq!(fewest(&[(4, 5), (3, 4), (2, 3), (3, 4), (4, 5)]), [(2, 5)]);
-        assert_eq!(fewest(&[(1, 2), (1, 2)]), []);
-    }
-
-    #[test]
-    fn the_effect_stays() {
-        let some = [vec![(0, 1), (2, 3)], vec![(0, 1), (1, 2), (2, 3)], vec![(5, 2), (2, 7), (7, 5), (0, 2)]];
-        for pairs in some {
-            let few = fewest(&pairs);
-            assert_eq!(carried(&few), carried(&pairs));
-            assert!(few.len() <= pairs.len());
-        }
-    }
-}

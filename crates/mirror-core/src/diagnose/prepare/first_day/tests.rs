@@ -5,6 +5,7 @@
 use super::alternatives::Session;
 use super::chain::{Chain, extended};
 use super::changes::WITHIN_CHANCE;
+use super::exchanges::fewest;
 use super::misfit::Misfit;
 use super::mistake::Mistake;
 use super::optics::CLEAR_LOSS;
@@ -360,4 +361,27 @@ fn an_estimate_that_is_no_pane_is_no_cause() {
     let panes = || vocabulary().into_iter().filter(|e| e.name() == "mirror_glass").collect::<Vec<_>>();
     let found = single_cause::likeliest(problem.clone(), panes(), &Beside::nothing(&problem), problem.noise);
     assert!(found.unwrap().is_none_or(|pane| pane.fitted(problem.noise).is_ok()));
+}
+
+/// A row after exchanges of its columns, one after the other.
+fn carried(pairs: &[(usize, usize)]) -> Vec<usize> {
+    let mut row: Vec<usize> = (0..8).collect();
+    pairs.iter().for_each(|&(a, b)| row.swap(a, b));
+    row
+}
+
+#[test]
+fn five_exchanges_of_neighbours_may_be_one() {
+    assert_eq!(fewest(&[(4, 5), (3, 4), (2, 3), (3, 4), (4, 5)]), [(2, 5)]);
+    assert_eq!(fewest(&[(1, 2), (1, 2)]), []);
+}
+
+#[test]
+fn fewer_exchanges_have_the_same_effect() {
+    let some = [vec![(0, 1), (2, 3)], vec![(0, 1), (1, 2), (2, 3)], vec![(5, 2), (2, 7), (7, 5), (0, 2)]];
+    for pairs in some {
+        let few = fewest(&pairs);
+        assert_eq!(carried(&few), carried(&pairs));
+        assert!(few.len() <= pairs.len());
+    }
 }
