@@ -11,6 +11,7 @@ pub(super) const SLIP: &str = "slip";
 /// The parameter of a slip that is none of its motion.
 pub(super) const FIRST_FRAME: &str = "first_frame";
 const PAIRING: &str = "pairing";
+const GRAVITY: &str = "gravity_direction";
 /// A camera's picture of another size, and the effect that appears if there is none: a crop is an offset of the
 /// centre alone.
 const RESIZED: (&str, &str) = ("camera_resolution", "camera_focal");
@@ -44,6 +45,8 @@ pub(super) enum Reason {
     Weak,
     /// A picture of another size is named, together with a focal length that cancels it.
     Resized,
+    /// Gravity is named as turned, and something is unexplained.
+    Gravity,
     /// Several markers are named on other links: their names may be exchanged.
     SeveralOnOtherLinks,
     /// A slip is small, given the causes.
@@ -79,6 +82,9 @@ impl Reason {
         if is_told_twice(&first.causes) || is_of_no_size(&first.causes) {
             return Some(Self::Twice);
         }
+        if is_turned_in_vain(&first.causes, first.verdict) {
+            return Some(Self::Gravity);
+        }
         if is_lawless(first) {
             return Some(if found.says_nothing { Self::SaysNothing } else { Self::Lawless });
         }
@@ -109,6 +115,7 @@ impl Reason {
             Self::Twice => &[RATIO.0],
             Self::Lawless | Self::SaysNothing | Self::Weak => &OF_A_COLUMN,
             Self::Resized => &[RESIZED.0],
+            Self::Gravity => &[GRAVITY],
             Self::SeveralOnOtherLinks => &[ON_ANOTHER_LINK],
             Self::HardlySlipped | Self::Slip => &[SLIP],
             Self::Pairing | Self::InOrder => &[PAIRING],
@@ -125,7 +132,7 @@ impl Reason {
     pub fn believes(self, second: &Diagnosis, first: &Diagnosis) -> bool {
         let no_worse = left(second) <= left(first);
         match self {
-            Self::Twice | Self::Resized | Self::HardlySlipped => no_worse || explains(second),
+            Self::Twice | Self::Resized | Self::Gravity | Self::HardlySlipped => no_worse || explains(second),
             // Their places, free in the first, fit a little better in any case.
             Self::SeveralOnOtherLinks => {
                 explains(second) && LEAST_HELD_OUT_RATIO * left(second) <= left(first)
@@ -173,6 +180,9 @@ impl Reason {
             }
             Self::Resized => {
                 "second diagnosis accepted: a focal length cancelled the pictures' other size; the pictures have the camera's size"
+            }
+            Self::Gravity => {
+                "second diagnosis accepted: gravity that was turned explained less than the stated one does"
             }
             Self::SeveralOnOtherLinks => {
                 "second diagnosis accepted: markers that seemed to be on each other's links have exchanged names"
@@ -231,6 +241,12 @@ fn is_lawless(first: &Diagnosis) -> bool {
 fn is_weak(first: &Diagnosis, mistakes: &[Cause]) -> bool {
     let before = first.gap.before_px.or(first.gap.before_m).unwrap_or(f64::INFINITY);
     !explains(first) && mistakes.iter().any(is_of_a_column) && left(first) > MAJORITY * before
+}
+
+/// Whether gravity is named as turned and something is unexplained: where many small things are wrong, one spring with a turned gravity
+/// may be the best single cause of all.
+pub(super) fn is_turned_in_vain(causes: &[Cause], verdict: Verdict) -> bool {
+    causes.iter().any(|c| c.effect == GRAVITY) && matches!(verdict, Verdict::Partial | Verdict::Unknown)
 }
 
 /// Whether a ratio is named at one joint both as a gross mistake and as a small cause.

@@ -1,7 +1,9 @@
 //! Which results of a first diagnosis are a reason for a second one.
 
-use super::reason::{FIRST_FRAME, SLIP, hardly_slipped, is_of_no_size, is_told_twice};
-use crate::diagnose::data::diagnosis::{Cause, Estimate};
+use super::reason::{
+    FIRST_FRAME, Reason, SLIP, hardly_slipped, is_of_no_size, is_told_twice, is_turned_in_vain,
+};
+use crate::diagnose::data::diagnosis::{Cause, Estimate, Verdict};
 
 fn cause(effect: &str, at: &str) -> Cause {
     Cause {
@@ -47,4 +49,13 @@ fn a_slip_by_next_to_nothing_is_asked_of_twice() {
     };
     assert!(hardly_slipped(&slip(0.004)) && hardly_slipped(&slip(0.02)) && !hardly_slipped(&slip(0.03)));
     assert!(!hardly_slipped(&cause("gear_ratio", "joint:a")));
+}
+
+#[test]
+fn gravity_that_was_turned_and_leaves_something_is_asked_of_twice() {
+    let (gravity, spring) = (cause("gravity_direction", "robot"), cause("joint_compliance", "joint:a"));
+    let both = [spring.clone(), gravity];
+    assert!(is_turned_in_vain(&both, Verdict::Partial) && !is_turned_in_vain(&both, Verdict::Explained));
+    assert!(!is_turned_in_vain(&[spring], Verdict::Partial));
+    assert_eq!(Reason::Gravity.without(), ["gravity_direction"]);
 }
