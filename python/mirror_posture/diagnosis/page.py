@@ -32,12 +32,6 @@ RANKED = 40
 """Single causes that the page lists at most."""
 
 
-def _headline(found: Diagnosis) -> str:
-    if found.verdict == "none" and frames_left_out(found):
-        return "No gap where it could be compared"
-    return HEADLINES[found.verdict]
-
-
 def write_report(session: Session, found: Diagnosis, folder: Path) -> Path:
     """Writes `report.html` and `pictures/*.png` into a folder that is there; returns the page."""
     drawings: dict[str, Drawing] = {"gap": draw_gap(found.gap), "robot": draw_robot(session, found)}
@@ -62,6 +56,8 @@ def write_report(session: Session, found: Diagnosis, folder: Path) -> Path:
         svg["limits"] = inline(
             drawings["limits"], f"The robot, its places coloured by what is hidden: {limits.line(found)}"
         )
+    # The model is right, and much of some frames was left out.
+    incomplete = found.verdict == "none" and bool(frames_left_out(found))
     values = {
         "limits": limits.table(found),
         "version": __version__,
@@ -70,12 +66,12 @@ def write_report(session: Session, found: Diagnosis, folder: Path) -> Path:
         "robot": session.robot.name,
         "postures": len(set(session.frames.posture.tolist())),
         "frames": len(session.frames),
-        "headline": _headline(found),
-        "colour": "partial" if found.verdict == "none" and frames_left_out(found) else found.verdict,
+        "headline": "No gap where it could be compared" if incomplete else HEADLINES[found.verdict],
+        "colour": "partial" if incomplete else found.verdict,
+        "incomplete": incomplete,
         "svg": svg,
         "told": formatting,
         "next_step": next_step,
-        "frames_left_out": frames_left_out,
         "acts": actions,
         "concerned": actions.concerned(found),
         "panels": shown,

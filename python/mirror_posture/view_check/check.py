@@ -55,13 +55,16 @@ def check_views(session: Session) -> ViewCheck | None:
     return check(views, _noise_px(session))
 
 
-def check(views: Views, noise_px: float) -> ViewCheck:
-    """Tests views of the board in the mirror; `noise_px` is the standard deviation of a corner along one axis."""
+def check(views: Views, noise_px: float, *, gross: bool = False) -> ViewCheck:
+    """Tests views of the board in the mirror; `noise_px` is the standard deviation of a corner along one axis.
+
+    `gross`: mistakes are tried only where the board's residuals are far from what mounts by hand leave.
+    """
     own = views.fit(Reading("as it stands"))
     noise = max(LEAST_NOISE_PX, noise_px * math.sqrt(2.0))
     width = views.camera.size_px[0]
-    doubted = own.board_rms_px > SUSPICIOUS_DEVIATIONS * noise or (
-        own.marker_px is not None and own.marker_px > SUSPICIOUS_MARKERS * width
+    doubted = own.board_rms_px > (EXPLAINED_DEVIATIONS if gross else SUSPICIOUS_DEVIATIONS) * noise or (
+        not gross and own.marker_px is not None and own.marker_px > SUSPICIOUS_MARKERS * width
     )
     if not doubted:
         return ViewCheck(own, noise)
@@ -95,11 +98,7 @@ def refuse_unnamed_mistakes(session: Session) -> None:
     views = Views.of(session)
     if views is None:
         return
-    noise_px = _noise_px(session)
-    own = views.fit(Reading("as it stands"))
-    if own.board_rms_px <= EXPLAINED_DEVIATIONS * max(LEAST_NOISE_PX, noise_px * math.sqrt(2.0)):
-        return
-    checked = check(views, noise_px)
+    checked = check(views, _noise_px(session), gross=True)
     if checked.mistake and not any(reading.effect for reading in checked.readings):
         raise MirrorPostureError(f"{session.folder}: {checked.mistake}")
 

@@ -131,6 +131,13 @@ pub(crate) fn what_is_false(data: &Data) -> String {
 
 /// What is missing, in counts and in the commonest reason.
 pub(crate) fn what_is_missing(data: &Data) -> String {
+    if !insufficient(data) {
+        return format!(
+            "No statement is possible: of {} frames with {} observations of markers no model that was found predicts any; boards and markers contradict each other \
+             as the session describes them (the camera's link, the camera file, the board).",
+            data.frames_given, data.points_given
+        );
+    }
     let mut counts: Vec<(&str, usize)> = Vec::new();
     for left in &data.left_out {
         match counts.iter_mut().find(|c| c.0 == left.why) {
@@ -144,13 +151,6 @@ pub(crate) fn what_is_missing(data: &Data) -> String {
         None if data.points_given == 0 => "; no marker was seen or measured at all".to_owned(),
         None => String::new(),
     };
-    if !insufficient(data) {
-        return format!(
-            "No statement is possible: of {} frames with {} observations of markers no model that was found predicts any; boards and markers contradict each other \
-             as the session describes them (the camera's link, the camera file, the board).",
-            data.frames_given, data.points_given
-        );
-    }
     format!(
         "Too little usable evidence for a statement: {} of {} postures and {} of {} observations of markers could be used, {FEWEST_POSTURES} postures and {FEWEST_OBSERVATIONS} observations are the least{why}.",
         data.postures_used, data.postures_given, data.points_used, data.points_given

@@ -246,7 +246,7 @@ fn is_weak(first: &Diagnosis, mistakes: &[Cause]) -> bool {
 /// Whether gravity is named as turned and something is unexplained: where many small things are wrong, one spring with a turned gravity
 /// may be the best single cause of all.
 pub(super) fn is_turned_in_vain(causes: &[Cause], verdict: Verdict) -> bool {
-    causes.iter().any(|c| c.effect == GRAVITY) && matches!(verdict, Verdict::Partial | Verdict::Unknown)
+    causes.iter().any(|c| c.effect == GRAVITY) && leaves_something(verdict)
 }
 
 /// Whether a ratio is named at one joint both as a gross mistake and as a small cause.
@@ -272,7 +272,11 @@ pub(super) fn hardly_slipped(cause: &Cause) -> bool {
 
 /// Whether nothing is left unexplained.
 fn explains(diagnosis: &Diagnosis) -> bool {
-    !matches!(diagnosis.verdict, Verdict::Partial | Verdict::Unknown)
+    !leaves_something(diagnosis.verdict)
+}
+
+fn leaves_something(verdict: Verdict) -> bool {
+    matches!(verdict, Verdict::Partial | Verdict::Unknown)
 }
 
 /// Whether of two held-out gaps the first is nearer to the noise than to the second, by squares.

@@ -1,8 +1,9 @@
 //! The gross mistakes that a session could contain, each with its unknown parameter tried on a grid.
 
+use super::exchanges::source;
 use super::misfit::{LEAST_FALL, Misfit, Work};
 use super::mistake::{LateKind, Mistake, UNITS};
-use super::variant::{Variant, other_of, seen_joints};
+use super::variant::{Variant, seen_joints};
 use crate::diagnose::model::body::NodeId;
 use crate::diagnose::model::problem::{Observation, Problem, Seen};
 use crate::diagnose::prepare::row_slip::LARGEST_SHIFT;
@@ -379,11 +380,6 @@ impl<'a> Session<'a> {
             _ => mistake.clone(),
         }
     }
-}
-
-/// The column of a joint's positions after exchanges of pairs of columns, one after the other.
-fn source(pairs: &[(usize, usize)], joint: usize) -> usize {
-    pairs.iter().rev().fold(joint, |at, &pair| other_of(pair, at))
 }
 
 /// Whether a frame shows one of two markers.
