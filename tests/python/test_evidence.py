@@ -205,6 +205,8 @@ def test_a_camera_link_that_is_no_optical_frame_is_refused_with_the_fix(sound: P
     folder = robot_changed(sound, tmp_path / "s", lambda urdf: urdf.replace(optical, body))
     with pytest.raises(MirrorPostureError, match=r"not its optical frame.*turned by rpy = -pi/2, 0, -pi/2"):
         diagnose(folder)
+    told = CliRunner().invoke(cli.app, ["diagnose", str(folder), "--out", str(tmp_path / "out")])
+    assert told.exit_code == 1 and " ".join(told.output.split()).count(folder.name + ": ") == 1, told.output
 
 
 def test_a_robot_without_masses_is_told(sound: Path, tmp_path: Path) -> None:

@@ -93,14 +93,14 @@ def refuse_unnamed_mistakes(session: Session) -> None:
     """Refuses what a diagnosis has no word for: of a camera's body taken for its optical frame no search can tell anything.
 
     Tested where the boards' reflections are far from what mounts by hand leave. Raises `MirrorPostureError` that names the mistake and the
-    fix, unless a mistake of the vocabulary explains the views as well.
+    fix (a diagnosis's errors get the session's name where they are told), unless a mistake of the vocabulary explains the views as well.
     """
     views = Views.of(session)
     if views is None:
         return
     checked = check(views, _noise_px(session), gross=True)
     if checked.mistake and not any(reading.effect for reading in checked.readings):
-        raise MirrorPostureError(f"{session.folder}: {checked.mistake}")
+        raise MirrorPostureError(checked.mistake)
 
 
 def _explains(fit: Fit, own: Fit, noise: float) -> bool:
