@@ -1,9 +1,8 @@
 //! Poses of camera, board and markers in a frame; a part that slipped has another pose from a row on.
 
 use crate::diagnose::model::body::Site;
-use crate::diagnose::model::pose::{Pose, exp};
 use crate::diagnose::model::problem::Problem;
-use crate::diagnose::model::slips::{Slip, Slipped};
+use crate::diagnose::model::slips::{Slip, Slipped, pose_of};
 use nalgebra::Vector3;
 
 impl Problem {
@@ -28,9 +27,7 @@ impl Problem {
 
     fn slipped(&self, mut site: Site, what: Slipped, frame: usize) -> Site {
         for slip in self.slips.iter().filter(|s| s.what == what && frame >= s.first) {
-            let omega = slip.motion.fixed_rows::<3>(0).into_owned();
-            let motion = Pose { r: exp(&omega), t: slip.motion.fixed_rows::<3>(3).into_owned() };
-            site.node_from_site = site.node_from_site.then(&motion);
+            site.node_from_site = site.node_from_site.then(&pose_of(&slip.motion));
         }
         site
     }

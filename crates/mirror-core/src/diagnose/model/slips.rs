@@ -1,6 +1,7 @@
 //! Slips during a session: from a row on a marker, the board or the camera has another pose.
 
-use nalgebra::Vector6;
+use crate::diagnose::model::pose::{Pose, exp};
+use nalgebra::{Rotation3, Vector3, Vector6};
 
 /// What can slip.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -27,4 +28,35 @@ pub(crate) struct Slip {
     pub first: usize,
     /// Rotation vector and shift, rad and m.
     pub motion: Vector6<f64>,
+}
+
+/// A motion as a pose.
+pub(crate) fn pose_of(motion: &Vector6<f64>) -> Pose {
+    let part = |first: usize| -> Vector3<f64> { motion.fixed_rows::<3>(first).into_owned() };
+    Pose { r: exp(&part(0)), t: part(3) }
+}
+
+/// The motion that follows `before` where both together are `both`: `before⁻¹ ∘ both`.
+pub(crate) fn following(before: &Vector6<f64>, both: &Vector6<f64>) -> Vector6<f64> {
+    let then = pose_of(before).inverse().then(&pose_of(both));
+    let omega = Rotation3::from_matrix_unchecked(then.r).scaled_axis();
+    Vector6::new(omega.x, omega.y, omega.z, then.t.x, then.t.y, then.t.z)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_follows_leads_from_one_pose_to_the_other() {
+        let (before, both) =
+            (Vector6::new(0.2, -0.1, 0.3, 0.01, 0.02, -0.03), Vector6::new(0.0, 0.1, -0.2, 0.02, 0.0, 0.01));
+        let reached = pose_of(&before).then(&pose_of(&following(&before, &both)));
+        assert!(
+            (reached.r - pose_of(&both).r).norm() < 1e-12 && (reached.t - pose_of(&both).t).norm() < 1e-12
+        );
+        // Back where it was.
+        let back = pose_of(&before).then(&pose_of(&following(&before, &Vector6::zeros())));
+        assert!((back.r - nalgebra::Matrix3::identity()).norm() < 1e-12 && back.t.norm() < 1e-12);
+    }
 }

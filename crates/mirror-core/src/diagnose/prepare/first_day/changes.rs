@@ -5,7 +5,8 @@
 //! b, from row k on. With `H_f = XᵀX` and `g_f = Xᵀr` frame by frame, and sums over all frames (H, g) and from k on
 //! (H_b, g_b), the gain of b is `eᵀ S⁻¹ e`, `e = g_b − H_b H⁻¹ g`, `S = H_b − H_b H⁻¹ H_b`: all k in one pass. The
 //! best place and row is fitted again with all small errors, and kept if its marginal likelihood is far above that
-//! without it.
+//! without it. The same holds for a place that slipped, and some rows later again ([`super::there_and_back`]). A place that wanders over the session
+//! looks like one that slipped ([`super::wandering`]): what is smooth in time must gain less.
 //!
 //! A lost zero moves what the joint carries like a slip along the joint's circle. It has one parameter, a slip three or
 //! six: the evidence decides. It is also compared with play or sticking at one joint ([`super::hysteresis`]), which
@@ -14,14 +15,16 @@
 use super::by_frame::{Place, What, markers, moved, zeros};
 use super::hysteresis::{self, OfJoint};
 use super::mistake::Mistake;
+use super::there_and_back::best_run;
 use super::verify::{Tolerant, smaller};
+use super::wandering::smooth_gain;
 use crate::diagnose::likelihood::noise::{effective, estimate};
 use crate::diagnose::likelihood::saturated::FREE_STD;
 use crate::diagnose::model::body::NodeId;
 use crate::diagnose::model::deformation::Deformation;
 use crate::diagnose::model::elementary::{Atom, Column, Weight};
 use crate::diagnose::model::problem::{Noise, Problem};
-use crate::diagnose::model::slips::{Slip, Slipped};
+use crate::diagnose::model::slips::{Slip, Slipped, following};
 use crate::diagnose::model::solver::SOLVER;
 use crate::diagnose::principles::{
     A_GAP, ABOVE_SCATTER, BEYOND_DOUBT, FEWEST_FRAMES, Prior, Size, Threshold,
@@ -38,40 +41,54 @@ const SLIPS_TRIED: Size = 3;
 const ZERO_STD: Prior = 0.2;
 /// The only entry of a motion that a joint has.
 const LAST: Size = 5;
-/// The last entries of its motion are those that its place has.
+/// The last entries of a motion are those that its place has.
 #[derive(Clone)]
 struct Best {
     what: What,
-    first: usize,
+    rows: Range<usize>,
     motion: Vector6<f64>,
+    std: Vector6<f64>,
+    /// The place's displacement behind the rows, and its standard deviations, where these do not go to the end.
+    behind: Option<(Vector6<f64>, Vector6<f64>)>,
     gain: f64,
+}
+
+/// What a displacement of a place over some rows gains, with the displacement.
+pub(super) struct Gain {
+    pub gain: f64,
+    pub motion: Vector6<f64>,
     std: Vector6<f64>,
 }
 
 impl Best {
-    /// As a slip; none of a joint's zero.
-    fn slip(&self) -> Option<Slip> {
-        match self.what {
-            What::Slips(what) => Some(Slip { what, first: self.first, motion: self.motion }),
-            What::Zero(_) => None,
-        }
+    /// A step of a place, or with `to` before the last row a run.
+    fn of(place: &Place, rows: Range<usize>, found: Gain) -> Self {
+        let behind = (rows.end < place.frames.len()).then(|| (Vector6::zeros(), found.std));
+        Self { what: place.what, rows, motion: found.motion, std: found.std, behind, gain: found.gain }
     }
 
-    fn mistake(&self, problem: &Problem) -> Mistake {
-        match (self.slip(), self.what) {
-            (None, What::Zero(node)) => {
+    fn is_of_zero(&self) -> bool {
+        matches!(self.what, What::Zero(_))
+    }
+
+    fn mistakes(&self, problem: &Problem) -> Vec<Mistake> {
+        let what = match self.what {
+            What::Slips(what) => what,
+            What::Zero(node) => {
                 let (joint, multiplier, _) = problem.scene.body.nodes[node].command;
-                Mistake::ZeroLost { joint, first: self.first, offset: self.motion[LAST] / multiplier }
+                let offset = self.motion[LAST] / multiplier;
+                return vec![Mistake::ZeroLost { joint, first: self.rows.start, offset }];
             }
-            (slip, _) => Mistake::Slip {
-                slip: slip.unwrap_or(Slip { what: Slipped::Camera, first: self.first, motion: self.motion }),
-                std: self.std,
-            },
-        }
+        };
+        let slip = |first, motion, std| Mistake::Slip { slip: Slip { what, first, motion }, std };
+        let there = slip(self.rows.start, self.motion, self.std);
+        let Some((behind, its_std)) = &self.behind else { return vec![there] };
+        let std = self.std.zip_map(its_std, f64::hypot);
+        vec![there, slip(self.rows.end, following(&self.motion, behind), std)]
     }
 }
 
-/// The slip, or with `zeros` the change of a joint's zero, that is clear, if there is one.
+/// The slip, or with `zeros` the change of a joint's zero, that is clear, if there is one; or a slip and the way back.
 ///
 /// # Errors
 /// Invalid parameters of camera or mirror.
@@ -80,7 +97,7 @@ pub(super) fn find(
     frames: &[usize],
     least: Noise,
     zeros: bool,
-) -> Result<Option<(Mistake, f64)>> {
+) -> Result<Option<(Vec<Mistake>, f64)>> {
     if !problem.scene.ordered || problem.frames.len() < 2 * FEWEST_FRAMES {
         return Ok(None);
     }
@@ -96,9 +113,7 @@ pub(super) fn find(
         return Ok(None);
     }
     let of_joints = of_zeros(problem, &without.deformation(), without.noise)?;
-    let mut bests = best_slips(&without, problem, if zeros { &of_joints } else { &[] })?;
-    // In χ², of so many rows and places that are tried.
-    bests.retain(|b| b.gain > 2.0 * BEYOND_DOUBT);
+    let mut bests = best_changes(&without, problem, &of_joints, zeros)?;
     bests.sort_by(|a, b| b.gain.total_cmp(&a.gain));
     let Some(largest) = bests.first().map(|b| b.gain) else { return Ok(None) };
     let hysteresis = hysteresis::likeliest(problem, &without, &sums_of(&of_joints));
@@ -112,7 +127,7 @@ pub(super) fn find(
         play = Some(with);
     }
     // To first order zeros of several joints imitate a slip of the board or the camera: they must not replace it.
-    let (of_zeros, mut slips): (Vec<Best>, Vec<Best>) = bests.into_iter().partition(|b| b.slip().is_none());
+    let (of_zeros, mut slips): (Vec<Best>, Vec<Best>) = bests.into_iter().partition(Best::is_of_zero);
     slips.truncate(SLIPS_TRIED);
     let bests = slips.into_iter().chain(of_zeros.into_iter().take(1));
     let mut tried = Vec::new();
@@ -148,7 +163,7 @@ pub(super) fn find(
         let noise = smaller(noise, play.noise);
         odds = odds.min(fit.log_evidence(noise)? - play.log_evidence(noise)?);
     }
-    Ok((odds > BEYOND_DOUBT).then(|| (best.mistake(problem), odds)))
+    Ok((odds > BEYOND_DOUBT).then(|| (best.mistakes(problem), odds)))
 }
 
 /// The products of each joint's column in each frame.
@@ -186,11 +201,8 @@ pub(super) fn settle_zero(problem: &Problem, node: NodeId, first: usize, offset:
     Ok(offset)
 }
 
-/// A change with columns of its own, estimated together with all small errors.
+/// A change with columns of its own, estimated together with all small errors: over its rows, and behind them.
 fn together(problem: &Problem, frames: &[usize], least: Noise, best: &Best) -> Result<(Best, Tolerant)> {
-    let first = best.first;
-    let step =
-        || Weight::Frames((0..problem.frames.len()).map(|f| if f < first { 0.0 } else { 1.0 }).collect());
     let (from, atoms): (usize, Vec<Atom>) = match best.what {
         What::Slips(Slipped::Marker(m)) => (3, (0..3).map(|k| Atom::MarkerShift(m, k)).collect()),
         What::Slips(Slipped::Camera) => (0, (0..6).map(Atom::CameraMount).collect()),
@@ -198,23 +210,39 @@ fn together(problem: &Problem, frames: &[usize], least: Noise, best: &Best) -> R
         What::Zero(node) => (LAST, vec![Atom::Joint(node)]),
     };
     let std = if from == LAST { ZERO_STD } else { FREE_STD };
+    let count = problem.frames.len();
+    let over = |rows: Range<usize>| {
+        Weight::Frames((0..count).map(|f| f64::from(u8::from(rows.contains(&f)))).collect())
+    };
     // From the linear estimate: from 0 everything that slipped would look false.
-    let columns = atoms
-        .into_iter()
-        .enumerate()
-        .map(|(k, atom)| (Column { atom, weight: step() }, std, best.motion[from + k]))
-        .collect();
-    let fit = Tolerant::fitted_with(problem, frames, least, columns)?;
-    let mut found = Best { std: Vector6::zeros(), ..best.clone() };
-    for (k, (value, std)) in fit.further().into_iter().enumerate() {
-        found.motion[from + k] = value;
-        found.std[from + k] = std;
+    let columns_over = |rows: Range<usize>, motion: Vector6<f64>| {
+        let column = move |(k, atom): (usize, &Atom)| {
+            (Column { atom: *atom, weight: over(rows.clone()) }, std, motion[from + k])
+        };
+        atoms.iter().enumerate().map(column).collect::<Vec<_>>()
+    };
+    let mut columns = columns_over(best.rows.clone(), best.motion);
+    if let Some((behind, _)) = best.behind {
+        columns.extend(columns_over(best.rows.end..count, behind));
     }
-    Ok((found, fit))
+    let fit = Tolerant::fitted_with(problem, frames, least, columns)?;
+    let fitted = |further: &[(f64, f64)]| {
+        let (mut motion, mut std) = (Vector6::zeros(), Vector6::zeros());
+        for (k, (value, its_std)) in further.iter().enumerate() {
+            (motion[from + k], std[from + k]) = (*value, *its_std);
+        }
+        (motion, std)
+    };
+    let further = fit.further();
+    let (over, behind) = further.split_at(atoms.len());
+    let (motion, std) = fitted(over);
+    let behind = best.behind.map(|_| fitted(behind));
+    Ok((Best { motion, std, behind, ..best.clone() }, fit))
 }
 
-/// The best row of each place that may slip, and of some joints' zeros.
-fn best_slips(fit: &Tolerant, problem: &Problem, of_joints: &[Place]) -> Result<Vec<Best>> {
+/// The best row of each place that may slip, and with `zeros` of each joint's zero, where it gains more than anything that
+/// wanders.
+fn best_changes(fit: &Tolerant, problem: &Problem, all_joints: &[Place], zeros: bool) -> Result<Vec<Best>> {
     let deformation = fit.deformation();
     let markers = markers(problem, &deformation, fit.noise)?;
     let mut mounts = Vec::new();
@@ -224,8 +252,19 @@ fn best_slips(fit: &Tolerant, problem: &Problem, of_joints: &[Place]) -> Result<
     if problem.camera_site.is_some() {
         mounts.push(moved(problem, &deformation, fit.noise, Slipped::Camera)?);
     }
-    let all = markers.iter().chain(of_joints).chain(&mounts);
-    Ok(all.filter_map(|place| scan(place, 0..problem.frames.len())).collect())
+    let wandering = markers.iter().chain(all_joints).chain(&mounts).map(smooth_gain).fold(0.0, f64::max);
+    let may_change = markers.iter().chain(if zeros { all_joints } else { &[] }).chain(&mounts);
+    let steps: Vec<Best> = may_change.filter_map(|place| scan(place, 0..problem.frames.len())).collect();
+    let runs = markers.iter().chain(&mounts).filter_map(|place| {
+        let (rows, found) = best_run(place)?;
+        // Two ends where a step has one.
+        let of_step = steps.iter().find(|s| s.what == place.what).map_or(0.0, |s| s.gain);
+        (found.gain > of_step + 2.0 * BEYOND_DOUBT).then(|| Best::of(place, rows, found))
+    });
+    let runs: Vec<Best> = runs.collect();
+    // In χ², of so many rows and places that are tried.
+    let least = wandering.max(2.0 * BEYOND_DOUBT);
+    Ok(steps.into_iter().chain(runs).filter(|best| best.gain > least).collect())
 }
 
 /// Zeros of all joints that move what is seen.
@@ -240,35 +279,44 @@ fn scan(place: &Place, rows: Range<usize>) -> Option<Best> {
     let count = place.frames.first()?.0.nrows();
     let zero = || (DMatrix::zeros(count, count), DVector::zeros(count));
     let add = |(h, g): (DMatrix<f64>, DVector<f64>), f: &(DMatrix<f64>, DVector<f64>)| (h + &f.0, g + &f.1);
-    let (h, g) = place.frames.iter().fold(zero(), add);
-    let ridge = DMatrix::identity(count, count) * (1e-9 * h.trace().max(1e-12));
-    let inverse = (&h + &ridge).cholesky()?.inverse();
-    let constant = &inverse * &g;
-    let (mut h_b, mut g_b) = zero();
+    let all = place.frames.iter().fold(zero(), add);
+    let mut behind = zero();
     let mut best: Option<Best> = None;
     for k in (FEWEST_FRAMES..place.frames.len()).rev() {
-        (h_b, g_b) = add((h_b, g_b), &place.frames[k]);
+        behind = add(behind, &place.frames[k]);
         if place.frames.len() - k < FEWEST_FRAMES || !rows.contains(&k) {
             continue;
         }
-        let e = &g_b - &h_b * &constant;
-        let s = &h_b - &h_b * &inverse * &h_b + &ridge;
-        let Some(factor) = s.cholesky() else { continue };
-        let b = factor.solve(&e);
-        let gain = e.dot(&b);
+        let Some(found) = gain(&all, &behind) else { continue };
         // The earliest of rows without anything seen between: a board seen there may have been left out because it slipped.
-        if gain.is_finite() && best.as_ref().is_none_or(|x| gain >= x.gain) {
-            let covariance = factor.inverse();
-            let mut motion = Vector6::zeros();
-            let mut std = Vector6::zeros();
-            // A marker has a shift only.
-            let from = 6 - count;
-            for i in 0..count {
-                motion[from + i] = b[i];
-                std[from + i] = covariance[(i, i)].max(0.0).sqrt();
-            }
-            best = Some(Best { what: place.what, first: k, motion, gain, std });
+        if best.as_ref().is_none_or(|x| found.gain >= x.gain) {
+            best = Some(Best::of(place, k..place.frames.len(), found));
         }
     }
     best
+}
+
+/// The gain of a displacement over some rows beside a constant one, from the sums of a place's normal equations over all
+/// rows and over these: `eᵀ S⁻¹ e`.
+pub(super) fn gain(
+    (h, g): &(DMatrix<f64>, DVector<f64>),
+    (h_over, g_over): &(DMatrix<f64>, DVector<f64>),
+) -> Option<Gain> {
+    let count = g.len();
+    let ridge = DMatrix::identity(count, count) * (1e-9 * h.trace().max(1e-12));
+    let factor = (h + &ridge).cholesky()?;
+    let e = g_over - h_over * factor.solve(g);
+    let s = h_over - h_over * factor.solve(h_over) + &ridge;
+    let factor = s.cholesky()?;
+    let b = factor.solve(&e);
+    let gain = e.dot(&b);
+    let covariance = factor.inverse();
+    let (mut motion, mut std) = (Vector6::zeros(), Vector6::zeros());
+    // A marker has a shift only.
+    let from = motion.len() - count;
+    for i in 0..count {
+        motion[from + i] = b[i];
+        std[from + i] = covariance[(i, i)].max(0.0).sqrt();
+    }
+    gain.is_finite().then_some(Gain { gain, motion, std })
 }

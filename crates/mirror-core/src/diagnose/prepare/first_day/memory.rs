@@ -35,7 +35,7 @@ pub(crate) struct Memory {
     explained: Known<bool>,
     gravity: Known<Found>,
     /// Without and with changes of joints' zeros.
-    slips: [Known<Found>; 2],
+    slips: [Known<Option<(Vec<Mistake>, f64)>>; 2],
     outlying: Known<Vec<Vec<False>>>,
     budget: Option<WorkBudget>,
 }
@@ -66,13 +66,13 @@ impl Memory {
         self.gravity.remembered(undone, find)
     }
 
-    /// A slip, or with `zeros` a change of a joint's zero.
+    /// A slip, or with `zeros` a change of a joint's zero, and the way back.
     pub(super) fn slip(
         &mut self,
         undone: &[Mistake],
         zeros: bool,
-        find: impl FnOnce() -> Result<Found>,
-    ) -> Result<Found> {
+        find: impl FnOnce() -> Result<Option<(Vec<Mistake>, f64)>>,
+    ) -> Result<Option<(Vec<Mistake>, f64)>> {
         self.slips[usize::from(zeros)].remembered(undone, find)
     }
 

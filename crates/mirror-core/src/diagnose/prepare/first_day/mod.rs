@@ -44,9 +44,11 @@ mod single_cause;
 mod spoilt;
 #[cfg(test)]
 mod tests;
+mod there_and_back;
 mod undone;
 mod variant;
 mod verify;
+mod wandering;
 
 use crate::diagnose::data::recording::Recording;
 use crate::diagnose::likelihood::probability::tempered;
@@ -141,19 +143,22 @@ pub(crate) fn undone(
     }
     if !out.unsettled && !explained {
         // Each round's is at a place that has not slipped yet, so the number of rounds is limited.
-        while let Some((mistake, odds)) = change_point(&out, without, spoilt, memory)? {
-            if mistake.has_no_word() {
+        while let Some((mistakes, odds)) = change_point(&out, without, spoilt, memory)? {
+            let Some(first) = mistakes.first() else { break };
+            if first.has_no_word() {
                 if out.step.is_some() {
                     break;
                 }
-                out.set_apart(&mistake)?;
+                out.set_apart(first)?;
                 continue;
             }
             // A remainder at a place that has slipped already is the rest of that slip.
-            if out.problem.slips.iter().any(|s| mistake.slips(s.what)) {
+            if out.problem.slips.iter().any(|s| first.slips(s.what)) {
                 break;
             }
-            out.undo(&mistake, tempered(odds))?;
+            for mistake in &mistakes {
+                out.undo(mistake, tempered(odds))?;
+            }
         }
     }
     if !out.unsettled {
@@ -181,13 +186,13 @@ pub(crate) fn leaves_gross(problem: &Problem, found: &Deformation, recording: &R
     Ok(Chain::new(Vec::new(), Variant::of(recording, problem), &misfit, &frames).is_gross())
 }
 
-/// A slip, or a lost zero of a joint, during the session.
+/// A slip, or a lost zero of a joint, during the session; a slip and the way back.
 fn change_point(
     session: &Undone,
     without: &[String],
     zeros: bool,
     memory: &mut Memory,
-) -> Result<Option<(Mistake, f64)>> {
+) -> Result<Option<(Vec<Mistake>, f64)>> {
     if without.iter().any(|w| w == "slip") {
         return Ok(None);
     }
