@@ -32,6 +32,8 @@ const LEAST_SLOPE: f64 = 0.05;
 /// In levels an error of light counts relatively: pixels have the inverse of their light as weight, of no less than
 /// this.
 const LEAST_LIGHT: f64 = 0.15;
+/// Least brightness of a place on the ball.
+const LEAST_BRIGHTNESS: f64 = 0.02;
 /// Least spread of pixels around the fit, as a share of the ball's light.
 const LEAST_SPREAD: f64 = 0.02;
 
@@ -85,18 +87,22 @@ impl Disc {
         let least_clear = if patch.coded { luma_clear_px.min(clear_px) } else { clear_px };
         let reach = widest - least_clear;
         let (mut pixels, mut rows) = (Vec::new(), Vec::new());
-        for row in (0..patch.height).step_by(stride) {
-            for column in (0..patch.width).step_by(stride) {
-                let [u, v] = patch.place(column, row);
-                let away = Vector2::new(u, v) - center_px;
-                if away.x.abs() > reach || away.y.abs() > reach {
-                    continue;
-                }
+        let ([first_u, first_v], tau) = (patch.place(0, 0), core::f64::consts::TAU);
+        let near = |first: f64, size: usize, middle: f64| {
+            (0..size)
+                .step_by(stride)
+                .map(move |at| (at, first + at as f64 - middle))
+                .filter(move |(_, away)| away.abs() <= reach)
+        };
+        for (row, down) in near(first_v, patch.height, center_px.y) {
+            for (column, across) in near(first_u, patch.width, center_px.x) {
+                let away = Vector2::new(across, down);
                 let distance = away.norm();
                 if distance > reach {
                     continue;
                 }
-                let turn = away.y.atan2(away.x).rem_euclid(core::f64::consts::TAU) / core::f64::consts::TAU;
+                let angle = away.y.atan2(away.x);
+                let turn = if angle < 0.0 { angle + tau } else { angle } / tau;
                 let outline = radius_px[(turn * radius_px.len() as f64) as usize % radius_px.len()];
                 if distance <= outline - least_clear {
                     let place = away / outline;
@@ -120,11 +126,29 @@ impl Shading {
         Self { terms, lamp: Vector3::zeros() }
     }
 
-    /// Linear brightness at a place on the disc of unit radius.
+    /// Linear brightness along a line from the disc's middle, by the distance in radii: the basis is there a polynomial in the distance and in the normal's
+    /// component along the view, and a ball is read at some hundred places on each of its rays.
     #[inline]
-    pub fn at(&self, place: Vector2<f64>) -> f64 {
-        let basis = basis(place.x, place.y, &self.lamp);
-        self.terms.iter().zip(basis).map(|(term, b)| term * b).sum::<f64>().max(0.02)
+    pub fn along(&self, direction: Vector2<f64>) -> impl Fn(f64) -> f64 + use<> {
+        let (x, y) = (direction.x, direction.y);
+        let [even, by_x, by_y, by_z, by_xy, by_xz, by_yz, by_squares, by_height, by_lamp] = self.terms.into();
+        let first = by_x * x + by_y * y;
+        let leaning = by_xz * x + by_yz * y;
+        let second = by_xy * x * y + by_squares * (x * x - y * y);
+        let (toward, facing) = (self.lamp.x * x + self.lamp.y * y, self.lamp.z);
+        move |distance| {
+            // Beyond the rim: as at the rim.
+            let way = distance.clamp(-1.0, 1.0);
+            let z2 = 1.0 - way * way;
+            let z = z2.sqrt();
+            let lit = (way * toward + z * facing).max(0.0);
+            let sum = even
+                + way * (first + way * second)
+                + z * (by_z + way * leaning)
+                + by_height * (3.0 * z2 - 1.0)
+                + by_lamp * lit;
+            sum.max(LEAST_BRIGHTNESS)
+        }
     }
 
     /// Fits the light on a ball's inside; constant light where too little is visible.
