@@ -313,20 +313,18 @@ fn noise_levels(levels: &[[u8; 3]], width: usize, height: usize) -> f64 {
     if width < 3 || height < 3 {
         return 0.0;
     }
-    let green = |row: usize, column: usize| i32::from(levels[row * width + column][1]);
-    let mut counts = [0usize; 1021];
-    for row in 0..height - 1 {
-        for column in 0..width - 1 {
-            let mixed = green(row + 1, column + 1) - green(row + 1, column) - green(row, column + 1)
-                + green(row, column);
-            counts[mixed.unsigned_abs() as usize] += 1;
+    let mut counts = [0u32; 1021];
+    for (here, below) in levels.chunks_exact(width).zip(levels[width..].chunks_exact(width)) {
+        for (here, below) in here.windows(2).zip(below.windows(2)) {
+            let rise = |pair: &[[u8; 3]]| i32::from(pair[1][1]) - i32::from(pair[0][1]);
+            counts[(rise(below) - rise(here)).unsigned_abs() as usize] += 1;
         }
     }
     // The median within its level, as if the levels' values were spread evenly.
     let half = 0.5 * ((width - 1) * (height - 1)) as f64;
     let mut below = 0.0;
     for (level, count) in counts.iter().enumerate() {
-        let count = *count as f64;
+        let count = f64::from(*count);
         if below + count >= half && count > 0.0 {
             return level as f64 / 0.6745 / 2.0;
         }
@@ -345,16 +343,19 @@ fn at_chroma_resolution(
 ) -> Vec<[f32; 3]> {
     let (columns, rows) = (width.div_ceil(across), height.div_ceil(down));
     let mut blocks = vec![0.0f32; columns * rows];
-    for row in 0..rows {
-        for column in 0..columns {
-            let (mut sum, mut count) = (0.0, 0.0);
-            for v in row * down..((row + 1) * down).min(height) {
-                for u in column * across..((column + 1) * across).min(width) {
-                    sum += luma[v * width + u];
-                    count += 1.0;
+    for (row, blocks) in blocks.chunks_exact_mut(columns.max(1)).enumerate() {
+        let lines = row * down..((row + 1) * down).min(height);
+        let lines_count = lines.len();
+        for line in lines {
+            let line = &luma[line * width..(line + 1) * width];
+            for (block, pixels) in blocks.iter_mut().zip(line.chunks(across)) {
+                for pixel in pixels {
+                    *block += pixel;
                 }
             }
-            blocks[row * columns + column] = sum / count;
+        }
+        for (column, block) in blocks.iter_mut().enumerate() {
+            *block /= (lines_count * across.min(width - column * across)) as f32;
         }
     }
     let between = |place: usize, step: usize, count: usize| {
@@ -373,13 +374,11 @@ fn at_chroma_resolution(
                 (1.0 - share) * blocks[above * columns + column] + share * blocks[below * columns + column];
         }
         let own = row * width..(row + 1) * width;
-        for ((pixel, brightness), (left, right, share)) in
-            levels[own.clone()].iter().zip(&luma[own]).zip(&along)
-        {
+        let pixels = levels[own.clone()].iter().zip(&luma[own]).zip(&along);
+        result.extend(pixels.map(|((pixel, brightness), (left, right, share))| {
             let change = (1.0 - share) * wide[*left] + share * wide[*right] - brightness;
-            let changed = |v: u8| (f32::from(v) / 255.0 + change).clamp(0.0, 1.0);
-            result.push([changed(pixel[0]), changed(pixel[1]), changed(pixel[2])]);
-        }
+            pixel.map(|v| (f32::from(v) / 255.0 + change).clamp(0.0, 1.0))
+        }));
     }
     result
 }

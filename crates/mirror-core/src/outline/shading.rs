@@ -155,21 +155,18 @@ impl Shading {
     ///
     /// Where the codec blurs the colours, the brightness of a uniformly painted ball gives its light.
     pub fn fit(patch: &Patch, disc: &Disc) -> Self {
-        let pixels: Vec<(&DiscPixel, [f64; 3])> = disc
-            .pixels
-            .iter()
-            .map(|pixel| {
-                let [b, g, r] = patch.light[pixel.index];
-                let light = |v: f32| if patch.coded { light_of(f64::from(v)) } else { f64::from(v) };
-                (pixel, [light(b), light(g), light(r)])
-            })
-            .collect();
-        let inner = || pixels.iter().filter(|(pixel, _)| pixel.clear);
-        if inner().count() < TERMS - 1 {
+        let colour_of = |pixel: &DiscPixel| {
+            let light = |v: f32| if patch.coded { light_of(f64::from(v)) } else { f64::from(v) };
+            patch.light[pixel.index].map(light)
+        };
+        let clear = || disc.pixels.iter().enumerate().filter(|(_, pixel)| pixel.clear);
+        // Of the others only the brightness counts.
+        let inner: Vec<(usize, [f64; 3])> = clear().map(|(at, pixel)| (at, colour_of(pixel))).collect();
+        if inner.len() < TERMS - 1 {
             return Self::even();
         }
         let typical: [f64; 3] =
-            core::array::from_fn(|channel| median(inner().map(|(_, colour)| colour[channel]).collect()));
+            core::array::from_fn(|channel| median(inner.iter().map(|(_, colour)| colour[channel]).collect()));
         let power: f64 = typical.iter().map(|c| c * c).sum();
         if !(power > 1e-8) {
             return Self::even();
@@ -179,19 +176,25 @@ impl Shading {
             let own: f64 = colour.iter().map(|c| c * c).sum();
             1.0 - along * along / (own * power).max(1e-18) <= OTHER_COLOUR_SINE * OTHER_COLOUR_SINE
         };
-        let brightness = |index: usize| light_of(f64::from(patch.luma[index]));
+        let brightness: Vec<f64> = if patch.coded {
+            disc.pixels.iter().map(|pixel| light_of(f64::from(patch.luma[pixel.index]))).collect()
+        } else {
+            Vec::new()
+        };
         let typical_light =
-            if patch.coded { median(inner().map(|(p, _)| brightness(p.index)).collect()) } else { 0.0 };
+            if patch.coded { median(inner.iter().map(|(at, _)| brightness[*at]).collect()) } else { 0.0 };
         // Colours near the outline are mixed by the codec: there only the brightness is used, and outliers have
         // less weight.
-        let kept: Vec<usize> = (0..pixels.len())
-            .filter(|pixel| !pixels[*pixel].0.clear || own_colour(&pixels[*pixel].1))
-            .collect();
-        let light = kept.iter().map(|pixel| {
-            let (pixel, colour) = &pixels[*pixel];
+        let mut kept: Vec<bool> = disc.pixels.iter().map(|pixel| !pixel.clear).collect();
+        for (at, colour) in &inner {
+            kept[*at] = own_colour(colour);
+        }
+        let kept: Vec<usize> = (0..kept.len()).filter(|at| kept[*at]).collect();
+        let light = kept.iter().map(|at| {
             if typical_light > 1e-6 {
-                brightness(pixel.index) / typical_light
+                brightness[*at] / typical_light
             } else {
+                let colour = colour_of(&disc.pixels[*at]);
                 colour.iter().zip(&typical).map(|(a, b)| a * b).sum::<f64>() / power
             }
         });
