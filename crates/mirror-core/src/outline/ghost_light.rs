@@ -23,7 +23,7 @@ mod tests {
         // The ghost lies one place on; the scene goes on as it begins.
         let before = |i: usize, by: usize| scene[i.saturating_sub(by)];
         let seen = |i: usize| (1.0 - share) * before(i, 0) + share * before(i, 1);
-        let moved = |by: usize| -> Vec<f32> { (0..5).map(|i| seen(i.saturating_sub(by))).collect() };
+        let moved = |by: usize| -> Vec<f32> { (0..5usize).map(|i| seen(i.saturating_sub(by))).collect() };
         let (ratio, mut found) = (share / (1.0 - share), Vec::new());
         without_ghost([&moved(0), &moved(1), &moved(2)], ratio, 1.0 + ratio, &levels, &mut found);
         let wanted: Vec<u8> = scene.iter().map(|light| (light * 200.0).round() as u8).collect();

@@ -71,3 +71,20 @@ pub(super) fn hues_of_zones(rays: &Rays<'_>) -> Vec<[Hue; 2]> {
     let other = smoothed(&|window| (window, window + CODED_ZONE_PX));
     own.into_iter().zip(other).map(|(own, other)| [own, other]).collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::medians_around;
+    use crate::statistics::median;
+
+    #[test]
+    fn a_window_that_moves_along_a_ring_has_the_medians_of_each_window_alone() {
+        let ring: Vec<f64> = (0..31).map(|i| f64::from((i * i * 7 + 3 * i) % 11)).collect();
+        for reach in [0, 1, 4, 14] {
+            let alone =
+                |at: usize| median((0..=2 * reach).map(|j| ring[(at + 31 + j - reach) % 31]).collect());
+            let wanted: Vec<f64> = (0..31).map(alone).collect();
+            assert_eq!(medians_around(&ring, reach), wanted, "{reach}");
+        }
+    }
+}
