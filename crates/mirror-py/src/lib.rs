@@ -12,6 +12,7 @@ mod measure;
 mod mirror;
 mod optics;
 mod outline;
+mod pattern;
 mod picture;
 mod png_file;
 mod robot;
@@ -48,6 +49,8 @@ mod _core {
         PyBallOutline, PyPatternGhost, chroma_step, codec_covariances, color_regions,
         fit_circle_by_consensus, measure_balls, measure_blurred_balls, pattern_curve, pattern_ghost,
     };
+    #[pymodule_export]
+    use crate::pattern::{drawn_pattern, levels_without_ghost};
     #[pymodule_export]
     use crate::picture::PictureMaker;
     #[pymodule_export]

@@ -139,7 +139,6 @@ def _search_all(
     a check."""
     found: list[_Found] = []
     failed: _Found | None = None
-    remaining = gray
     scale = scale_of(gray)
     shown = Places(resized(gray, scale), board.corner_count)
     limit = len(options.views) + (1 if options.strict_count else 0)
@@ -147,7 +146,7 @@ def _search_all(
         # The search for a surplus board is the quick one: it only guards against a mistaken identity.
         quick = len(found) >= len(options.views)
         item = None
-        for candidate in candidates(remaining, scale, board, shown, quick):
+        for candidate in candidates(lambda: _remaining(gray, found), scale, board, shown, quick):
             examined = _examine(gray, candidate, board, camera, options)
             if not examined.reason:
                 item = examined
@@ -160,9 +159,7 @@ def _search_all(
             break
         attempts.append(f"{item.method}: accepted")
         found.append(item)
-        outline = _outline(item.grid)
-        shown.cover((outline + 0.5) * scale - 0.5)
-        remaining = _painted(remaining, outline)
+        shown.cover((_outline(item.grid) + 0.5) * scale - 0.5)
     return found, failed
 
 
@@ -260,6 +257,13 @@ def _outline(grid: FloatArray) -> FloatArray:
     middle = outline.mean(axis=0)
     grown: FloatArray = middle + (outline - middle) * (1.0 + 2.4 / (min(nx, ny) - 1))
     return grown
+
+
+def _remaining(gray: Pixels, found: list[_Found]) -> Pixels:
+    """The picture with all boards that were found painted over, one by one."""
+    for item in found:
+        gray = _painted(gray, _outline(item.grid))
+    return gray
 
 
 def _painted(gray: Pixels, outline_px: FloatArray) -> Pixels:

@@ -60,10 +60,11 @@ class Places:
 
     def at(self, scale: float, least_contrast: float = LEAST_CONTRAST) -> tuple[Place, ...]:
         if (scale, least_contrast) not in self._by_scale:
+            if scale not in self._seen_at:
+                self._seen_at[scale] = resized(self._gray, scale)
             self._by_scale[scale, least_contrast] = board_places(
-                self._gray, self._corner_count, scale, least_contrast
+                self._gray, self._corner_count, scale, least_contrast, self._seen_at[scale]
             )
-            self._seen_at[scale] = resized(self._gray, scale)
         least = LEAST_SHOWN * self._corner_count
         return tuple(place for place in self._by_scale[scale, least_contrast] if self._open(place) >= least)
 
@@ -80,6 +81,8 @@ class Places:
         self._covered.append(outline_px.astype(np.float32))
 
     def _open(self, place: Place) -> int:
+        if not self._covered:
+            return len(place.crossings_px)
         return sum(
             all(cv2.pointPolygonTest(outline, (float(u), float(v)), False) < 0.0 for outline in self._covered)
             for u, v in place.crossings_px
@@ -95,9 +98,17 @@ class Candidate:
     shown: npt.NDArray[np.bool_] | None = None
 
 
-def candidates(gray: Pixels, scale: float, board: Board, shown: Places, quick: bool) -> Iterator[Candidate]:
-    """Grids by place, detector and preparation, the most probable and fastest first."""
-    small = resized(gray, scale)
+def candidates(
+    picture: Callable[[], Pixels], scale: float, board: Board, shown: Places, quick: bool
+) -> Iterator[Candidate]:
+    """Grids by place, detector and preparation, the most probable and fastest first. The `picture` is asked for where a detector looks at it: most searches end before."""
+    seen_in: list[Pixels] = []
+
+    def small() -> Pixels:
+        if not seen_in:
+            seen_in.append(resized(picture(), scale))
+        return seen_in[0]
+
     tried: list[Place] = []
     noisy: list[Place] = []
     nothing_seen = True
@@ -121,19 +132,19 @@ def candidates(gray: Pixels, scale: float, board: Board, shown: Places, quick: b
             place = _narrowed(place, reading)
             tried.append(place)
             if quick:
-                yield from _in_place(small, scale, place, board, "quick")
-            elif reading.most_shown() >= LEAST_SHOWN_FOR_DETECTOR and _is_noisy(small, place):
+                yield from _in_place(small(), scale, place, board, "quick")
+            elif reading.most_shown() >= LEAST_SHOWN_FOR_DETECTOR and _is_noisy(small(), place):
                 noisy.append(place)
     if quick:
         return
     if nothing_seen and board.corner_count > MANY_CORNERS:
-        height, width = small.shape
+        height, width = small().shape
         none = np.empty((0, 2))
         whole = Place((0, 0, width, height), none, none, np.empty((2, 0), dtype=np.intp), 1.0)
-        yield from _in_place(small, scale, whole, board, "quick")
+        yield from _in_place(small(), scale, whole, board, "quick")
     noisy.sort(key=lambda place: place.unlike(board.corner_count))
     for place in noisy[:MOST_SEARCHED]:
-        yield from _in_place(small, scale, place, board, "sector")
+        yield from _in_place(small(), scale, place, board, "sector")
 
 
 def _is_noisy(gray: Pixels, place: Place) -> bool:

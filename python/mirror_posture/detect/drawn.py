@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 
+from .. import _core
 from ..board import Board
 from .types import BoardView, FloatArray, Pixels
 
 # The part of the board that is looked at, squares each way from its middle: enough for a ghost of a fiftieth.
 HALF_ACROSS, HALF_DOWN = 2.2, 1.5
-# Samples a pixel each way of the drawn pattern.
-FINE = 2
 # Parts of fewer pixels a side tell nothing.
 LEAST_SIDE_PX = 8
 
@@ -62,24 +59,7 @@ def drawn_board(gray: Pixels, view: BoardView, board: Board) -> DrawnBoard | Non
     right, bottom = np.minimum(np.floor(outline.max(axis=0)) + 1, [width, height]).astype(int)
     if right - left < LEAST_SIDE_PX or bottom - top < LEAST_SIDE_PX:
         return None
-    u = left + (np.arange((right - left) * FINE) + 0.5) / FINE - 0.5
-    v = top + (np.arange((bottom - top) * FINE) + 0.5) / FINE - 0.5
-    fine = _edges(u[None, :], v[:, None], homography)
-    pattern = fine.reshape(bottom - top, FINE, right - left, FINE).mean(axis=(1, 3)).astype(np.float32)
+    size = (int(right - left), int(bottom - top))
+    pattern = _core.drawn_pattern(homography.tolist(), [float(left), float(top)], size)
     square = float(np.sqrt(abs(np.linalg.det(np.linalg.inv(homography)[:2, :2]))))
     return DrawnBoard(gray[top:bottom, left:right], pattern, 2.0 * square, (int(left), int(top)))
-
-
-def _edges(u: npt.NDArray[Any], v: npt.NDArray[Any], homography: FloatArray) -> FloatArray:
-    """The pattern at pixels u (1, W) and v (H, 1), its edges as wide as a sample: their places are kept to more than that."""
-    depth = homography[2, 0] * u + homography[2, 1] * v + homography[2, 2]
-    result: FloatArray = np.ones(depth.shape)
-    for row in homography[:2]:
-        cell = (row[0] * u + row[1] * v + row[2]) / depth
-        across, down = row[0] - cell * homography[2, 0], row[1] - cell * homography[2, 1]
-        # (A hypotenuse by its squares: `np.hypot` takes most of the time of all this.)
-        slope = np.sqrt(across * across + down * down) / np.abs(depth)
-        # A triangle wave has the squares' signs; cut at half a sample from where it is zero.
-        wave = np.abs((cell + 0.5) % 2.0 - 1.0) - 0.5
-        result *= np.clip(wave * (2.0 * FINE) / slope, -1.0, 1.0)
-    return result

@@ -17,7 +17,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from .._core import MirrorPostureError
+from .._core import MirrorPostureError, levels_without_ghost
 from ..camera import Camera
 from .ball import Circle, OutlineFit
 from .types import FloatArray, Pixels
@@ -142,12 +142,10 @@ def without_ghost(
             continue
         light = linear_light(bgr[first[1] : last[1], first[0] : last[0]])
         once = moved_by(light, shift)
-        alone = light - ratio * (once - ratio * moved_by(light, 2.0 * shift))
-        (left, top), (right, bottom) = low - first, high - first
-        own = alone[top:bottom, left:right] * (1.0 + ratio)
-        # (Light beyond the table's ends becomes that of its ends.)
-        places = (own * STEPS + 0.5).astype(np.intp)
-        result[low[1] : high[1], low[0] : high[0]] = _LEVEL_OF_LIGHT.take(places, mode="clip")
+        part = [*(low - first).tolist(), *(high - first).tolist()]
+        result[low[1] : high[1], low[0] : high[0]] = levels_without_ghost(
+            [light, once, moved_by(light, 2.0 * shift)], part, ratio, _LEVEL_OF_LIGHT
+        )
     return result
 
 

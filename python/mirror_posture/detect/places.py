@@ -30,6 +30,8 @@ LEAST_CONTRAST = 12.0
 LEAST_CONTRAST_NOISES = 2.0
 # Half width of the window in which the contrast is read, px.
 CONTRAST_REACH_PX = 4
+# Contrasts of up to so many places are read one by one; of more, those of all pixels take less time.
+MOST_READ_ALONE = 600
 # The most saddles that are joined, the strongest first, and how many neighbours of each are looked at.
 MOST_SADDLES = 500
 NEIGHBOURS = 12
@@ -98,17 +100,21 @@ class _Saddles:
 
 
 def board_places(
-    gray: Pixels, corner_count: int, scale: float = 0.5, least_contrast: float = LEAST_CONTRAST
+    gray: Pixels,
+    corner_count: int,
+    scale: float = 0.5,
+    least_contrast: float = LEAST_CONTRAST,
+    small: Pixels | None = None,
 ) -> tuple[Place, ...]:
     """Parts of a grey picture (H, W) that show most of a board's `corner_count` crossings in a size
     `scale`, the most probable first.
 
-    `least_contrast`: of a crossing, grey levels.
+    `least_contrast`: of a crossing, grey levels. `small`: the picture in that size, where it is there already.
     """
     height, width = gray.shape
     if min(height, width) * scale < LEAST_SIDE_PX:
         return ()
-    saddles = _saddles(resized(gray, scale), least_contrast)
+    saddles = _saddles(resized(gray, scale) if small is None else small, least_contrast)
     found: list[Place] = []
     least = LEAST_SHOWN * corner_count
     if len(saddles.place_px) < max(least, NEIGHBOURS + 1):
@@ -143,8 +149,6 @@ def _saddles(gray: Pixels, least_contrast: float) -> _Saddles:
     # Sobel's second derivatives are four times the derivative.
     xx, yy, xy = (cv2.Sobel(smooth, cv2.CV_32F, *order, scale=0.25) for order in ((2, 0), (0, 2), (1, 1)))
     curvature = xy * xy - xx * yy
-    window = np.ones((2 * CONTRAST_REACH_PX + 1,) * 2, np.uint8)
-    most, least = cv2.dilate(smooth, window), cv2.erode(smooth, window)
     least_contrast = max(least_contrast, LEAST_CONTRAST_NOISES * noise_levels(gray))
     # What the least contrast needs leaves some hundred pixels to ask for more.
     by_contrast = LEAST_SADDLE / (np.pi * (BLUR_PX**2 + PIXEL_VARIANCE_PX2))
@@ -152,7 +156,7 @@ def _saddles(gray: Pixels, least_contrast: float) -> _Saddles:
     bar = np.float32((by_contrast * least_contrast) ** 2)
     peak = np.flatnonzero((curvature >= highest) & (curvature > bar))
     strength = curvature.ravel()[peak]
-    contrast = most.ravel()[peak] - least.ravel()[peak]
+    contrast = _contrast_around(smooth, peak)
     kept = (strength > (by_contrast * contrast) ** 2) & (contrast > least_contrast)
     peak, strength = peak[kept], np.sqrt(strength[kept])
     if len(peak) > MOST_SADDLES:
@@ -166,6 +170,24 @@ def _saddles(gray: Pixels, least_contrast: float) -> _Saddles:
         np.column_stack([half / length, mixed / length]).astype(np.float64),
         strength.astype(np.float64),
     )
+
+
+def _contrast_around(smooth: Pixels, peak: npt.NDArray[np.intp]) -> Pixels:
+    """How far apart the darkest and the brightest pixel around each of some pixels, given by their index, are."""
+    reach = CONTRAST_REACH_PX
+    side = 2 * reach + 1
+    if len(peak) > MOST_READ_ALONE:
+        window = np.ones((side, side), np.uint8)
+        result: Pixels = cv2.dilate(smooth, window).ravel()[peak] - cv2.erode(smooth, window).ravel()[peak]
+        return result
+    # What lies beyond the border is on it too.
+    around = cv2.copyMakeBorder(smooth, reach, reach, reach, reach, cv2.BORDER_REPLICATE)
+    rows, columns = np.divmod(peak, smooth.shape[1])
+    first = rows * around.shape[1] + columns
+    offsets = (np.arange(side)[:, None] * around.shape[1] + np.arange(side)).ravel()
+    windows = around.ravel()[offsets[:, None] + first]
+    apart: Pixels = windows.max(axis=0, initial=-np.inf) - windows.min(axis=0, initial=np.inf)
+    return apart
 
 
 def _between_pixels(values: Pixels, peak: npt.NDArray[np.intp]) -> FloatArray:

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import lru_cache
+from functools import cache, lru_cache
 
 import cv2
 import numpy as np
@@ -64,22 +64,28 @@ def board_sharpening_px2(drawn: DrawnBoard) -> float:
         return 0.0
     seen = levels[told]
     patterns: dict[float, tuple[Pixels, Pixels, Pixels]] = {}
+    lights: dict[float, tuple[Pixels, Pixels]] = {}
 
+    @cache
     def model(strength: float, blur: float) -> FloatArray:
         """Levels of the pattern with the contrast that the light has when the sharpening is undone."""
+        if strength not in lights:
+            light = _light_of(undone(levels, strength))
+            lights[strength] = (light, drawn.mean(light))
         if blur not in patterns:
             pattern: Pixels = cv2.GaussianBlur(drawn.pattern, (0, 0), blur)
             even = drawn.mean(pattern)
             variance = np.maximum(drawn.mean(pattern * pattern) - even * even, np.float32(1e-4))
             patterns[blur] = (pattern, even, variance)
         pattern, even, variance = patterns[blur]
-        light = _light_of(undone(levels, strength))
-        middle = drawn.mean(light)
+        light, middle = lights[strength]
         shown = middle + (drawn.mean(pattern * light) - even * middle) / variance * (pattern - even)
         without = _level_of(shown)
-        sharpened: Pixels = without + np.float32(strength) * cv2.filter2D(
-            without, -1, _CROSS, borderType=cv2.BORDER_REPLICATE
-        )
+        sharpened = without
+        if strength > 0.0:
+            sharpened = without + np.float32(strength) * cv2.filter2D(
+                without, -1, _CROSS, borderType=cv2.BORDER_REPLICATE
+            )
         result: FloatArray = sharpened[told].astype(np.float64)
         return result
 

@@ -18,7 +18,8 @@ const BEHIND_CLEAR_PX: f64 = 1.5;
 /// Least brightness of a zone.
 const LEAST_BRIGHTNESS: f64 = 1e-3;
 
-/// Light by sample of a ray, 1 where it is as in the zone.
+/// Light by sample of a ray, 1 where it is as in the zone. Set for one ray after the other, each time only for the samples that are read.
+#[derive(Default)]
 pub(super) struct Along {
     /// Of the ball; beyond the rim, as at the rim.
     pub ball: Vec<f64>,
@@ -30,22 +31,38 @@ pub(super) struct Along {
 
 impl Along {
     /// By the ball's shading alone: what lies behind is even.
-    pub fn by_shading(rays: &Rays<'_>, ray: usize, edge: f64, ball_zone: &Range<usize>) -> Self {
-        let shade = rays.shade(ray);
-        let rim = rim_of(rays, edge);
-        let zone = mean_and_variance(shade[ball_zone.clone()].iter().copied()).0;
-        let ball = (0..shade.len()).map(|i| in_range(shade[i.min(rim)] / zone, BALL_RANGE)).collect();
-        Self::new(ball, vec![1.0; shade.len()], rim)
-    }
-
-    /// By the brightness too: the shading carries the ball's over the last part to the rim.
-    pub fn by_brightness(
+    pub fn by_shading(
+        &mut self,
         rays: &Rays<'_>,
         ray: usize,
         edge: f64,
         ball_zone: &Range<usize>,
-        behind_zone: &Range<usize>,
-    ) -> Self {
+        read: Range<usize>,
+    ) {
+        let shade = rays.shade(ray);
+        let rim = rim_of(rays, edge);
+        let zone = mean_and_variance(shade[ball_zone.clone()].iter().copied()).0;
+        let of_ball = |i: usize| in_range(shade[i] / zone, BALL_RANGE);
+        self.at_rim = of_ball(rim);
+        self.ball.resize(shade.len(), 1.0);
+        self.behind.resize(shade.len(), 1.0);
+        self.behind[read.clone()].fill(1.0);
+        let inner = rim.clamp(read.start, read.end);
+        for i in read.start..inner {
+            self.ball[i] = of_ball(i);
+        }
+        self.ball[inner..read.end].fill(self.at_rim);
+    }
+
+    /// By the brightness too: the shading carries the ball's over the last part to the rim.
+    pub fn by_brightness(
+        &mut self,
+        rays: &Rays<'_>,
+        ray: usize,
+        edge: f64,
+        [ball_zone, behind_zone]: [&Range<usize>; 2],
+        read: Range<usize>,
+    ) {
         let (luma, shade) = (rays.luma(ray), rays.shade(ray));
         let rim = rim_of(rays, edge);
         let of_zone = |zone: &Range<usize>| {
@@ -54,18 +71,17 @@ impl Along {
         let (own, other) = (of_zone(ball_zone), of_zone(behind_zone));
         let last = rays.between(edge - BALL_CLEAR_PX, edge).start.min(luma.len() - 1);
         let first = rays.between(edge + BEHIND_CLEAR_PX, f64::INFINITY).start.min(luma.len() - 1);
-        let ball = (0..luma.len())
-            .map(|i| luma[i.min(last)] / own * (shade[i.clamp(last.min(rim), rim)] / shade[last.min(rim)]))
-            .map(|light| in_range(light, BALL_RANGE))
-            .collect();
-        let behind = luma[first..].iter().map(|brightness| in_range(brightness / other, BEHIND_RANGE));
-        let beside = in_range(luma[first] / other, BEHIND_RANGE);
-        Self::new(ball, core::iter::repeat_n(beside, first).chain(behind).collect(), rim)
-    }
-
-    fn new(ball: Vec<f64>, behind: Vec<f64>, rim: usize) -> Self {
-        let at_rim = ball[rim];
-        Self { ball, behind, at_rim }
+        let of_ball = |i: usize| {
+            let carried = shade[i.clamp(last.min(rim), rim)] / shade[last.min(rim)];
+            in_range(luma[i.min(last)] / own * carried, BALL_RANGE)
+        };
+        self.at_rim = of_ball(rim);
+        self.ball.resize(luma.len(), 1.0);
+        self.behind.resize(luma.len(), 1.0);
+        for i in read {
+            self.ball[i] = of_ball(i);
+            self.behind[i] = in_range(luma[i.max(first)] / other, BEHIND_RANGE);
+        }
     }
 }
 

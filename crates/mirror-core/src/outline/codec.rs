@@ -47,9 +47,9 @@ pub fn chroma_step(picture: &Picture<'_>) -> (usize, usize) {
     let (width, height) = (picture.width, picture.height);
     let (mut across, mut down) = (Changes::default(), Changes::default());
     // Lines across from every so many rows; lines down of every so many columns side by side, by the last four rows.
-    let columns: Vec<usize> = (0..width).step_by(STRIDE).collect();
+    let columns = width.div_ceil(STRIDE);
     let mut line = [vec![0.0f32; width], vec![0.0f32; width]];
-    let mut near = [(); 2].map(|()| [(); 4].map(|()| vec![0.0f32; columns.len()]));
+    let mut near = [(); 2].map(|()| [(); 4].map(|()| vec![0.0f32; columns]));
     for row in 0..height {
         let pixels = picture.row(row);
         if row % STRIDE == 0 {
@@ -63,7 +63,7 @@ pub fn chroma_step(picture: &Picture<'_>) -> (usize, usize) {
             rows.rotate_left(1);
         }
         let [red, blue] = &mut near;
-        colours_at(pixels, &columns, &mut red[3], &mut blue[3]);
+        colours_of_some(pixels, &mut red[3], &mut blue[3]);
         if row >= 3 {
             for rows in &near {
                 down.add_rows(rows, (row - 3) % 2);
@@ -88,10 +88,11 @@ fn colours_of(pixels: &[u8], red: &mut [f32], blue: &mut [f32]) {
     }
 }
 
-/// Of some columns of a row.
-fn colours_at(pixels: &[u8], columns: &[usize], red: &mut [f32], blue: &mut [f32]) {
-    for ((column, red), blue) in columns.iter().zip(red).zip(blue) {
-        [*red, *blue] = colour_of(&pixels[3 * column..3 * column + 3]);
+/// Of every so many columns of a row.
+#[multiversion(targets("x86_64+avx512f", "x86_64+avx2"))]
+fn colours_of_some(pixels: &[u8], red: &mut [f32], blue: &mut [f32]) {
+    for ((pixels, red), blue) in pixels.chunks(3 * STRIDE).zip(red).zip(blue) {
+        [*red, *blue] = colour_of(&pixels[..3]);
     }
 }
 

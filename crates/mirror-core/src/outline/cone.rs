@@ -9,10 +9,15 @@ use super::circle::Circle;
 use super::ray_edge::{MIN_EDGE_POINTS, NORMAL_SPREAD};
 use crate::camera::Camera;
 use crate::statistics::median;
-use nalgebra::{Matrix2, Matrix2x3, Matrix3, Point3, SMatrix, Vector2, Vector3};
+use nalgebra::{Complex, Matrix2, Matrix2x3, Matrix3, Point3, SMatrix, Vector2, Vector3};
+use std::sync::LazyLock;
 
 /// Corners of the polygon that represents an outline.
 const BOUNDARY_POINTS: usize = 72;
+/// Sine and cosine of their directions.
+static BOUNDARY_DIRECTIONS: LazyLock<[(f64, f64); BOUNDARY_POINTS]> = LazyLock::new(|| {
+    core::array::from_fn(|i| (core::f64::consts::TAU * i as f64 / BOUNDARY_POINTS as f64).sin_cos())
+});
 /// Edge points farther from the fitted outline than this belong to something else, px, unless they are this uncertain themselves (deviations).
 const INLIER_PX: f64 = 0.45;
 const INLIER_DEVIATIONS: f64 = 2.5;
@@ -156,14 +161,15 @@ pub(super) fn fit_cone_from(
     for i in members() {
         let row = distance_gradient(&rays[i], &parameters, scale) / points[i].std_px;
         normal += row * row.transpose();
-        let away = points[i].pixel - middle_px;
-        let angle = away.y.atan2(away.x);
+        // The angle's cosine and sine; their multiples by powers.
+        let away = (points[i].pixel - middle_px).try_normalize(0.0).unwrap_or_else(Vector2::x);
+        let (turn, mut turned) = (Complex::new(away.x, away.y), Complex::new(1.0, 0.0));
         let moved = row * (points[i].shared_std_px / points[i].std_px);
         common += row * (points[i].common_px / points[i].std_px);
         for k in 0..SHARED_HARMONICS {
-            let (sine, cosine) = (k as f64 * angle).sin_cos();
-            shared.column_mut(2 * k).axpy(cosine, &moved, 1.0);
-            shared.column_mut(2 * k + 1).axpy(sine, &moved, 1.0);
+            shared.column_mut(2 * k).axpy(turned.re, &moved, 1.0);
+            shared.column_mut(2 * k + 1).axpy(turned.im, &moved, 1.0);
+            turned *= turn;
         }
     }
     let spread = normal.symmetric_eigenvalues();
@@ -401,9 +407,8 @@ pub fn cone_centroid(parameters: &Vector3<f64>, camera: &Camera) -> Option<ConeO
     let along = axis * -length.powi(-2);
     let mut boundary = Vec::with_capacity(BOUNDARY_POINTS);
     let mut moved: Vec<Matrix2x3<f64>> = Vec::with_capacity(BOUNDARY_POINTS);
-    for i in 0..BOUNDARY_POINTS {
-        let (s, c) = (core::f64::consts::TAU * i as f64 / BOUNDARY_POINTS as f64).sin_cos();
-        let outward = side * c + other * s;
+    for (s, c) in &*BOUNDARY_DIRECTIONS {
+        let outward = side * *c + other * *s;
         let ray = axis * cosine + outward * sine;
         let (pixel, by_point) = camera.project_with_point_jacobian(&Point3::from(ray)).ok()?;
         // ∂ray/∂|w|, then the turn ω = a × δa for δa = (I − a aᵀ) δw / |w|: δray = ω × ray.

@@ -36,6 +36,8 @@ const CODED_TAPER: f64 = 0.7;
 const LEVER: f64 = 1.53;
 /// Passes of setting the zones around the edge that was found.
 const PASSES: usize = 3;
+/// A pass moves an edge by at most so much, px.
+const MOST_MOVED_PX: f64 = 1.5;
 
 /// A channel from this light on may be cut off, and moves edges by this share of the blur.
 const CLIPPED_LIGHT: f64 = 0.9;
@@ -69,8 +71,10 @@ pub(super) fn edges_on_rays(patch: &Patch, sight: &Sight, blur: &Blur, look: Loo
     let turn = core::f64::consts::TAU / count as f64;
     let rays = Rays::of(patch, sight);
     let hues = (patch.coded && look != Look::Rough).then(|| hues_of_zones(&rays));
-    let mut edges: Vec<RayEdge> =
-        (0..count).map(|ray| colour_edge(&rays, ray, hues.as_ref().map(|h| h[ray]), look)).collect();
+    let mut read = Read::default();
+    let mut edges: Vec<RayEdge> = (0..count)
+        .map(|ray| colour_edge(&rays, ray, hues.as_ref().map(|h| h[ray]), look, &mut read))
+        .collect();
     for (ray, edge) in edges.iter_mut().enumerate() {
         edge.found &= rays.inside[ray] && edge.offset.abs() < rays.reach_px && edge.offset.is_finite();
         let floor = if patch.coded { CODED_EDGE_FLOOR_PX } else { EDGE_FLOOR_PX };
@@ -151,7 +155,16 @@ fn join_brightness(rays: &Rays<'_>, edges: &mut [RayEdge], lens_px: f64) {
     }
 }
 
-fn colour_edge(rays: &Rays<'_>, ray: usize, hues: Option<[Hue; 2]>, look: Look) -> RayEdge {
+/// What is read of a ray by sample; kept from ray to ray, for each would be as long.
+#[derive(Default)]
+struct Read {
+    light: Along,
+    /// Of the ball and of what lies behind in the colour.
+    parts: Vec<(f64, f64)>,
+    step: Step,
+}
+
+fn colour_edge(rays: &Rays<'_>, ray: usize, hues: Option<[Hue; 2]>, look: Look, read: &mut Read) -> RayEdge {
     let none = RayEdge {
         offset: 0.0,
         std: 1.0,
@@ -169,6 +182,11 @@ fn colour_edge(rays: &Rays<'_>, ray: usize, hues: Option<[Hue; 2]>, look: Look) 
     let (window, blur) = (rays.window_px[ray], rays.blur_px[ray]);
     let (taper, lever) = if rays.coded { (CODED_TAPER, window) } else { (TAPER, LEVER * blur) };
     let colours = rays.colours(ray);
+    // From where on a sample says nothing of an edge: beyond the zones, the step and the overshoot.
+    let reach = (window + rays.zone_px.max(ZONE_PX) + STEP_PX)
+        .max(Step::reach_px(blur, taper))
+        .max(MOST_MOVED_PX + OVERSHOOT_PX.1);
+    read.parts.resize(colours.len(), (0.0, 0.0));
     let mut result = none;
     for pass in 0..PASSES {
         let edge = result.offset;
@@ -184,13 +202,18 @@ fn colour_edge(rays: &Rays<'_>, ray: usize, hues: Option<[Hue; 2]>, look: Look) 
             None => (ball, behind),
         };
         let Some(unmixing) = Unmixing::new(ball, behind) else { return none };
-        let light = if rays.coded && pass > 0 {
-            Along::by_brightness(rays, ray, edge, &ball_zone, &behind_zone)
+        let near = if pass == 0 { 0..colours.len() } else { rays.between(edge - reach, edge + reach) };
+        if rays.coded && pass > 0 {
+            read.light.by_brightness(rays, ray, edge, [&ball_zone, &behind_zone], near.clone());
         } else {
-            Along::by_shading(rays, ray, edge, &ball_zone)
-        };
+            read.light.by_shading(rays, ray, edge, &ball_zone, near.clone());
+        }
+        for (parts, colour) in read.parts[near.clone()].iter_mut().zip(&colours[near]) {
+            *parts = unmixing.parts(colour);
+        }
+        let Read { light, parts, step } = read;
+        let (light, parts) = (&*light, &*parts);
         let (carried, at_rim) = (|i: usize| light.ball[i], light.at_rim);
-        let parts: Vec<(f64, f64)> = colours.iter().map(|c| unmixing.parts(c)).collect();
         let (_, uneven_ball) = mean_and_variance(ball_zone.clone().map(|i| parts[i].0 / carried(i)));
         let (_, uneven_behind) = mean_and_variance(behind_zone.clone().map(|i| parts[i].1));
         let doubt = SHADE_DOUBT * (1.0 - at_rim);
@@ -209,22 +232,25 @@ fn colour_edge(rays: &Rays<'_>, ray: usize, hues: Option<[Hue; 2]>, look: Look) 
         let ball_sum = |i: usize| trust * parts[i].0 + (1.0 - trust) * (1.0 - parts[i].1).clamp(-0.5, 1.5);
         let expected = |i: usize| trust * carried(i) + (1.0 - trust);
         let darker = |i: usize| (1.0 - trust) * (light.behind[i] - 1.0);
-        let step = Step::at(rays, edge, blur, taper);
+        step.set(rays, edge, blur, taper);
         let more = step.beyond(|i, left| ball_sum(i) - expected(i) * left + darker(i) * (1.0 - left));
         let at_edge = trust * at_rim + (1.0 - trust);
-        result.offset = edge + (more / at_edge).clamp(-1.5, 1.5);
+        result.offset = edge + (more / at_edge).clamp(-MOST_MOVED_PX, MOST_MOVED_PX);
+        if pass + 1 < PASSES {
+            continue;
+        }
         result.std = lever * (variance_ball * variance_behind / (variance_ball + variance_behind)).sqrt();
         result.found = true;
         result.contrast = unmixing.contrast(trust);
         result.channels = unmixing.channels(trust);
         result.ball = ball;
         result.behind = behind;
-        if pass + 1 == PASSES && !rays.coded && look == Look::Whole {
+        if !rays.coded && look == Look::Whole {
             let rim_colour = ball.map(|light| light * at_rim);
             let moved = moved_by_another_curve(&rim_colour, &behind);
             result.by_curve =
                 blur * moved.iter().zip(&result.channels).map(|(m, part)| m * part).sum::<f64>();
-            let seen = Seen { step: &step, carried: &light.ball, at_rim, ball, behind, moved };
+            let seen = Seen { step, carried: &light.ball, at_rim, ball, behind, moved };
             result.parted = parted(rays, ray, &seen);
             result.clipped =
                 rim_colour.iter().chain(&ball).chain(&behind).any(|light| *light > CLIPPED_LIGHT);

@@ -28,6 +28,7 @@
 //! | `curve` | levels and light; displacement where light mixes on another scale than the values are on: the codec's levels, a camera's tone curve |
 //! | `channels`, `pattern_curve` | the camera's tone curve from the channels' edges, and from the board's pattern |
 //! | `unmixing` | a colour as a mixture of the ball's and the background's |
+//! | `drawn`, `ghost_light` | the board's pattern as a picture shows it without a lens; light without a pane's ghost |
 //! | `cone` | the cone of rays that touch a sphere, with covariance |
 //! | `whole`, `template` | a ball that is blurred over much of its radius, fitted to all of its pixels; its image |
 //! | `ghost`, `pattern_rows` | the second picture that a pane shows, told by the board's pattern; rows of numbers by pixel |
@@ -45,8 +46,10 @@ mod common_blur;
 mod cone;
 mod consensus;
 mod curve;
+mod drawn;
 mod edges;
 mod ghost;
+mod ghost_light;
 mod hues;
 mod luma;
 mod own_colour;
@@ -71,7 +74,9 @@ pub use codec::chroma_step;
 pub use codec_error::codec_covariance;
 pub use common_blur::CommonBlur;
 pub use cone::{ConeFit, ConeOutline, EdgePoint, cone_centroid, fit_cone};
+pub use drawn::drawn_pattern;
 pub use ghost::{PatternGhost, PatternView, pattern_ghost};
+pub use ghost_light::without_ghost;
 pub use patch::Picture;
 pub use pattern_curve::{PatternCurve, PatternLevels, pattern_curve};
 pub use recoding::Codec;

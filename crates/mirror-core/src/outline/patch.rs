@@ -37,8 +37,8 @@ pub struct Picture<'a> {
     pub(super) width: usize,
     pub(super) height: usize,
     chroma_step: (usize, usize),
-    /// The light is sRGB's to this power.
-    light_power: f32,
+    /// The light of each level, where it is not sRGB's.
+    own_light: Option<[f32; 256]>,
 }
 
 impl<'a> Picture<'a> {
@@ -63,19 +63,21 @@ impl<'a> Picture<'a> {
                 });
             }
         }
-        Ok(Self { bgr, width, height, chroma_step, light_power: 1.0 })
+        Ok(Self { bgr, width, height, chroma_step, own_light: None })
     }
 
     /// The same by a camera whose tone curve differs from sRGB's by so many deviations of what covariances allow for:
     /// its light is sRGB's to the power `1.085^deviations`. Where a codec keeps colour coarsely, levels are read as they are.
     #[must_use]
     pub fn with_curve(self, deviations: f64) -> Self {
-        Self { light_power: CURVE_DOUBT.powf(deviations) as f32, ..self }
+        // Once for all balls: a power for each level.
+        let power = CURVE_DOUBT.powf(deviations) as f32;
+        Self { own_light: (power != 1.0).then(|| LINEAR.map(|light| light.powf(power))), ..self }
     }
 
     /// The light of each level.
-    fn light(&self) -> [f32; 256] {
-        if self.light_power == 1.0 { *LINEAR } else { LINEAR.map(|light| light.powf(self.light_power)) }
+    fn light(&self) -> &[f32; 256] {
+        self.own_light.as_ref().unwrap_or(&LINEAR)
     }
 
     /// A row's bytes.
@@ -233,21 +235,33 @@ impl Patch {
         [self.left + column as f64, self.top + row as f64]
     }
 
-    /// The pixels around a place, and whether it lies in the patch; beyond, those of its border.
-    #[inline]
-    pub fn around_place(&self, place: Vector2<f64>) -> (Corners, bool) {
+    /// Whether a place lies in the patch.
+    pub fn holds(&self, place: Vector2<f64>) -> bool {
+        let (x, y) = (place.x - self.left, place.y - self.top);
+        x >= 0.0 && y >= 0.0 && x <= self.width as f64 - 1.0 && y <= self.height as f64 - 1.0
+    }
+
+    /// The pixels around a place; beyond the patch, those of its border.
+    pub fn around_place(&self, place: Vector2<f64>) -> Corners {
         let (x, y) = (place.x - self.left, place.y - self.top);
         let (widest, highest) = (self.width as f64 - 1.0, self.height as f64 - 1.0);
-        let inside = x >= 0.0 && y >= 0.0 && x <= widest && y <= highest;
         let (x, y) = (x.max(0.0).min(widest), y.max(0.0).min(highest));
-        let (column, row) = (x as usize, y as usize);
+        self.around_place_within(Vector2::new(x + self.left, y + self.top))
+    }
+
+    /// The pixels around a place in the patch.
+    #[inline(always)]
+    pub fn around_place_within(&self, place: Vector2<f64>) -> Corners {
+        let (x, y) = (place.x - self.left, place.y - self.top);
+        // (Half as long as to 64 bits: for that a float is converted twice.)
+        let (column, row) = (x as u32 as usize, y as u32 as usize);
         let (next, below) = ((column + 1).min(self.width - 1), (row + 1).min(self.height - 1));
         let (a, b) = ((x - column as f64) as f32, (y - row as f64) as f32);
         let weights = [(1.0 - a) * (1.0 - b), a * (1.0 - b), (1.0 - a) * b, a * b];
         let (above, below) = (row * self.width, below * self.width);
         let places =
             [(above + column) as u32, (above + next) as u32, (below + column) as u32, (below + next) as u32];
-        (Corners { places, weights }, inside)
+        Corners { places, weights }
     }
 
     /// Light between pixels.
@@ -299,20 +313,18 @@ fn noise_levels(levels: &[[u8; 3]], width: usize, height: usize) -> f64 {
     if width < 3 || height < 3 {
         return 0.0;
     }
-    let green = |row: usize, column: usize| i32::from(levels[row * width + column][1]);
-    let mut counts = [0usize; 1021];
-    for row in 0..height - 1 {
-        for column in 0..width - 1 {
-            let mixed = green(row + 1, column + 1) - green(row + 1, column) - green(row, column + 1)
-                + green(row, column);
-            counts[mixed.unsigned_abs() as usize] += 1;
+    let mut counts = [0u32; 1021];
+    for (here, below) in levels.chunks_exact(width).zip(levels[width..].chunks_exact(width)) {
+        for (here, below) in here.windows(2).zip(below.windows(2)) {
+            let rise = |pair: &[[u8; 3]]| i32::from(pair[1][1]) - i32::from(pair[0][1]);
+            counts[(rise(below) - rise(here)).unsigned_abs() as usize] += 1;
         }
     }
     // The median within its level, as if the levels' values were spread evenly.
     let half = 0.5 * ((width - 1) * (height - 1)) as f64;
     let mut below = 0.0;
     for (level, count) in counts.iter().enumerate() {
-        let count = *count as f64;
+        let count = f64::from(*count);
         if below + count >= half && count > 0.0 {
             return level as f64 / 0.6745 / 2.0;
         }
@@ -331,16 +343,19 @@ fn at_chroma_resolution(
 ) -> Vec<[f32; 3]> {
     let (columns, rows) = (width.div_ceil(across), height.div_ceil(down));
     let mut blocks = vec![0.0f32; columns * rows];
-    for row in 0..rows {
-        for column in 0..columns {
-            let (mut sum, mut count) = (0.0, 0.0);
-            for v in row * down..((row + 1) * down).min(height) {
-                for u in column * across..((column + 1) * across).min(width) {
-                    sum += luma[v * width + u];
-                    count += 1.0;
+    for (row, blocks) in blocks.chunks_exact_mut(columns.max(1)).enumerate() {
+        let lines = row * down..((row + 1) * down).min(height);
+        let lines_count = lines.len();
+        for line in lines {
+            let line = &luma[line * width..(line + 1) * width];
+            for (block, pixels) in blocks.iter_mut().zip(line.chunks(across)) {
+                for pixel in pixels {
+                    *block += pixel;
                 }
             }
-            blocks[row * columns + column] = sum / count;
+        }
+        for (column, block) in blocks.iter_mut().enumerate() {
+            *block /= (lines_count * across.min(width - column * across)) as f32;
         }
     }
     let between = |place: usize, step: usize, count: usize| {
@@ -359,13 +374,11 @@ fn at_chroma_resolution(
                 (1.0 - share) * blocks[above * columns + column] + share * blocks[below * columns + column];
         }
         let own = row * width..(row + 1) * width;
-        for ((pixel, brightness), (left, right, share)) in
-            levels[own.clone()].iter().zip(&luma[own]).zip(&along)
-        {
+        let pixels = levels[own.clone()].iter().zip(&luma[own]).zip(&along);
+        result.extend(pixels.map(|((pixel, brightness), (left, right, share))| {
             let change = (1.0 - share) * wide[*left] + share * wide[*right] - brightness;
-            let changed = |v: u8| (f32::from(v) / 255.0 + change).clamp(0.0, 1.0);
-            result.push([changed(pixel[0]), changed(pixel[1]), changed(pixel[2])]);
-        }
+            pixel.map(|v| (f32::from(v) / 255.0 + change).clamp(0.0, 1.0))
+        }));
     }
     result
 }

@@ -40,14 +40,11 @@ impl<'a> Rays<'a> {
         let mut shade = Vec::with_capacity(count);
         for (direction, radius) in sight.direction.iter().zip(&sight.radius_px) {
             // Beyond the rim as at the rim.
-            let at_rim = shown(shading.at(*direction));
-            for offset in &sight.offsets {
-                shade.push(if *offset < 0.0 {
-                    shown(shading.at(direction * (1.0 + offset / radius)))
-                } else {
-                    at_rim
-                });
-            }
+            let along = shading.along(*direction);
+            let inner = sight.offsets.iter().take_while(|offset| **offset < 0.0);
+            let end = shade.len() + sight.offsets.len();
+            shade.extend(inner.map(|offset| shown(along(1.0 + offset / radius))));
+            shade.resize(end, shown(along(1.0)));
         }
         Self { sight, colours, luma, shade }
     }
@@ -87,6 +84,7 @@ impl<'a> Rays<'a> {
 }
 
 /// A blurred step at a place of a ray: what its samples count there, and how much of the step's height is left at each.
+#[derive(Default)]
 pub(super) struct Step {
     samples: Range<usize>,
     /// Weight, and the height left, by sample.
@@ -97,21 +95,33 @@ pub(super) struct Step {
 impl Step {
     /// At an edge of the given blur (standard deviation, px); the place's neighbourhood, over `taper` blurs, has most weight.
     pub fn at(rays: &Rays<'_>, edge: f64, blur_px: f64, taper: f64) -> Self {
-        let wide = taper * blur_px;
-        let samples = rays.between(edge - 3.0 * wide, edge + 3.0 * wide);
+        let mut step = Self::default();
+        step.set(rays, edge, blur_px, taper);
+        step
+    }
+
+    /// How far from its place a step's samples lie, px.
+    pub fn reach_px(blur_px: f64, taper: f64) -> f64 {
+        3.0 * (taper * blur_px)
+    }
+
+    /// The same as [`Self::at`] in the place of another step.
+    pub fn set(&mut self, rays: &Rays<'_>, edge: f64, blur_px: f64, taper: f64) {
+        let (wide, reach) = (taper * blur_px, Self::reach_px(blur_px, taper));
+        let samples = rays.between(edge - reach, edge + reach);
         let places = || rays.offsets[samples.clone()].iter().map(|offset| offset - edge);
         let first = places().next().unwrap_or(0.0);
         // Of even steps, a Gaussian's ratios have a constant ratio: two products a sample instead of two powers.
         let mut weight = Gaussian::from(first, wide.powi(-2));
         let mut under = Gaussian::from(first, wide.powi(-2) + blur_px.powi(-2));
         let mut gain = 0.0;
-        let rows = places()
-            .map(|t| {
-                gain += under.next();
-                (weight.next(), below_step(t / blur_px))
-            })
-            .collect();
-        Self { samples, rows, gain: gain / (blur_px * core::f64::consts::TAU.sqrt()) }
+        self.rows.clear();
+        self.rows.extend(places().map(|t| {
+            gain += under.next();
+            (weight.next(), below_step(t / blur_px))
+        }));
+        self.samples = samples;
+        self.gain = gain / (blur_px * core::f64::consts::TAU.sqrt());
     }
 
     /// How far the edge lies beyond the place, by the samples minus a step there.

@@ -88,22 +88,29 @@ impl Planes {
         let mut chroma = [vec![0.0f32; columns * rows], vec![0.0f32; columns * rows]];
         let share = 1.0 / (across * down) as f32;
         let inside = |at: isize, size: usize| at.clamp(0, size as isize - 1) as usize;
+        let places: Vec<usize> = (0..width).map(|x| 3 * inside(u0 + x as isize, picture.width)).collect();
+        let mut levels = vec![[0.0f32; 3]; width];
         for y in 0..height {
             let source = picture.row(inside(v0 + y as isize, picture.height));
-            let samples = y / down * columns;
-            for x in 0..width {
-                let u = 3 * inside(u0 + x as isize, picture.width);
-                let (b, g, r) = (f32::from(source[u]), f32::from(source[u + 1]), f32::from(source[u + 2]));
-                luma.push(0.299 * r + 0.587 * g + 0.114 * b - 128.0);
-                let sample = samples + if across == 1 { x } else { x / 2 };
-                chroma[0][sample] += share * (0.5 * b - 0.331_264 * g - 0.168_736 * r);
-                chroma[1][sample] += share * (0.5 * r - 0.418_688 * g - 0.081_312 * b);
+            for (level, place) in levels.iter_mut().zip(&places) {
+                let pixel = &source[*place..][..3];
+                *level = [f32::from(pixel[0]), f32::from(pixel[1]), f32::from(pixel[2])];
+            }
+            luma.extend(levels.iter().map(|[b, g, r]| 0.299 * r + 0.587 * g + 0.114 * b - 128.0));
+            let [blue, red] = &mut chroma;
+            let samples = y / down * columns..(y / down + 1) * columns;
+            let sums = blue[samples.clone()].iter_mut().zip(&mut red[samples]);
+            for (pixels, (blue, red)) in levels.chunks_exact(across).zip(sums) {
+                for [b, g, r] in pixels {
+                    *blue += share * (0.5 * b - 0.331_264 * g - 0.168_736 * r);
+                    *red += share * (0.5 * r - 0.418_688 * g - 0.081_312 * b);
+                }
             }
         }
         Self { width, height, luma, chroma }
     }
 
-    /// Decoded pixels of a row.
+    /// Decoded pixels of a row of a unit.
     pub fn decode(
         &self,
         y: usize,
@@ -114,16 +121,23 @@ impl Planes {
         let samples = self.width / across;
         let (above, below, b) = between(y, down, self.height / down);
         let luma = &self.luma[y * self.width..(y + 1) * self.width];
-        let rows =
-            [0, 1].map(|k| [above, below].map(|row| &self.chroma[k][row * samples..(row + 1) * samples]));
-        for (x, level) in columns.zip(to) {
-            let (left, right, a) = between(x, across, samples);
-            let luma = luma[x] + 128.0;
-            let of = |[above, below]: [&[f32]; 2]| {
-                (1.0 - b) * ((1.0 - a) * above[left] + a * above[right])
-                    + b * ((1.0 - a) * below[left] + a * below[right])
-            };
-            let (blue, red) = (of(rows[0]), of(rows[1]));
+        // Of the two rows of samples, each kind for all of the pixels in one loop.
+        let rows = [0, 1].map(|k| {
+            [above, below].map(|row| {
+                let row = &self.chroma[k][row * samples..(row + 1) * samples];
+                let mut along = [0.0f32; 2 * BLOCK];
+                for (x, value) in columns.clone().zip(&mut along) {
+                    let (left, right, a) = between(x, across, samples);
+                    *value = (1.0 - a) * row[left] + a * row[right];
+                }
+                along
+            })
+        });
+        let [blue, red] = rows.map(|[above, below]| -> [f32; 2 * BLOCK] {
+            core::array::from_fn(|i| (1.0 - b) * above[i] + b * below[i])
+        });
+        for (((luma, blue), red), level) in luma[columns].iter().zip(&blue).zip(&red).zip(to) {
+            let luma = luma + 128.0;
             // (A float beyond the range of levels becomes the nearest one.)
             let rounded = |level: f32| (level + 0.5) as u8;
             *level = [

@@ -4,7 +4,13 @@
 //! regions (8 neighbours) by union and find (Rosenfeld and Pfaltz, "Sequential operations in digital picture processing", 1966).
 
 use super::patch::Picture;
+use multiversion::multiversion;
 use nalgebra::Vector2;
+
+/// So many pixels are looked at together.
+const TOGETHER: usize = 32;
+/// Shares of a value in whole numbers.
+const SHARES: f32 = 256.0;
 
 /// A colour as a box in hue (circular, degrees), saturation and value (0..1).
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -159,25 +165,47 @@ pub fn color_regions(
             (pale * value as f32 - 1e-3).ceil().clamp(0.0, 255.0) as u8
         }
     });
+    // The same of many at once, where a table takes longer than what it saves: a spread that none of them has.
+    let (dimmest, shares) = (needed.iter().position(|least| *least < 255).unwrap_or(255), pale * SHARES);
+    let by_value = shares.floor().clamp(0.0, SHARES) as u16;
     for row in 0..picture.height {
-        for (column, pixel) in picture.row(row).chunks_exact(3).enumerate() {
-            let (blue, green, red) = (pixel[0], pixel[1], pixel[2]);
-            let high = blue.max(green).max(red);
-            let spread = high - blue.min(green).min(red);
-            if spread < needed[usize::from(high)] {
+        for (block, pixels) in picture.row(row).chunks(3 * TOGETHER).enumerate() {
+            if !any_coloured(pixels, dimmest as u8, by_value) {
                 continue;
             }
-            let (hue, saturation) = hue_and_saturation(blue, green, red, high, spread);
-            let value = f32::from(high) / 255.0;
-            for (one, joined) in colors.iter().zip(&mut joined) {
-                if one.holds(hue, saturation, value) {
-                    joined.add(row as u32, column as u32);
+            for (at, pixel) in pixels.chunks_exact(3).enumerate() {
+                let (blue, green, red) = (pixel[0], pixel[1], pixel[2]);
+                let high = blue.max(green).max(red);
+                let spread = high - blue.min(green).min(red);
+                if spread < needed[usize::from(high)] {
+                    continue;
+                }
+                let (hue, saturation) = hue_and_saturation(blue, green, red, high, spread);
+                let value = f32::from(high) / 255.0;
+                for (one, joined) in colors.iter().zip(&mut joined) {
+                    if one.holds(hue, saturation, value) {
+                        joined.add(row as u32, (block * TOGETHER + at) as u32);
+                    }
                 }
             }
         }
         joined.iter_mut().for_each(Joined::end_row);
     }
     joined.into_iter().map(|one| one.regions(least_area_px, most)).collect()
+}
+
+/// Whether a pixel of a row's part may have a colour: one at least as bright, and its spread so many 256ths of its value, less what rounding takes.
+#[multiversion(targets("x86_64+avx512f", "x86_64+avx2"))]
+fn any_coloured(pixels: &[u8], dimmest: u8, by_value: u16) -> bool {
+    let mut found = 0u8;
+    for pixel in pixels.chunks_exact(3) {
+        let (blue, green, red) = (pixel[0], pixel[1], pixel[2]);
+        let high = blue.max(green).max(red);
+        let spread = high - blue.min(green).min(red);
+        let least = ((by_value * u16::from(high)) >> 8) as u8;
+        found |= u8::from(high >= dimmest) & u8::from(spread >= least);
+    }
+    found > 0
 }
 
 fn hue_and_saturation(blue: u8, green: u8, red: u8, high: u8, spread: u8) -> (f32, f32) {

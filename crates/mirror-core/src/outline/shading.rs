@@ -32,6 +32,8 @@ const LEAST_SLOPE: f64 = 0.05;
 /// In levels an error of light counts relatively: pixels have the inverse of their light as weight, of no less than
 /// this.
 const LEAST_LIGHT: f64 = 0.15;
+/// Least brightness of a place on the ball.
+const LEAST_BRIGHTNESS: f64 = 0.02;
 /// Least spread of pixels around the fit, as a share of the ball's light.
 const LEAST_SPREAD: f64 = 0.02;
 
@@ -85,18 +87,22 @@ impl Disc {
         let least_clear = if patch.coded { luma_clear_px.min(clear_px) } else { clear_px };
         let reach = widest - least_clear;
         let (mut pixels, mut rows) = (Vec::new(), Vec::new());
-        for row in (0..patch.height).step_by(stride) {
-            for column in (0..patch.width).step_by(stride) {
-                let [u, v] = patch.place(column, row);
-                let away = Vector2::new(u, v) - center_px;
-                if away.x.abs() > reach || away.y.abs() > reach {
-                    continue;
-                }
+        let ([first_u, first_v], tau) = (patch.place(0, 0), core::f64::consts::TAU);
+        let near = |first: f64, size: usize, middle: f64| {
+            (0..size)
+                .step_by(stride)
+                .map(move |at| (at, first + at as f64 - middle))
+                .filter(move |(_, away)| away.abs() <= reach)
+        };
+        for (row, down) in near(first_v, patch.height, center_px.y) {
+            for (column, across) in near(first_u, patch.width, center_px.x) {
+                let away = Vector2::new(across, down);
                 let distance = away.norm();
                 if distance > reach {
                     continue;
                 }
-                let turn = away.y.atan2(away.x).rem_euclid(core::f64::consts::TAU) / core::f64::consts::TAU;
+                let angle = away.y.atan2(away.x);
+                let turn = if angle < 0.0 { angle + tau } else { angle } / tau;
                 let outline = radius_px[(turn * radius_px.len() as f64) as usize % radius_px.len()];
                 if distance <= outline - least_clear {
                     let place = away / outline;
@@ -120,32 +126,47 @@ impl Shading {
         Self { terms, lamp: Vector3::zeros() }
     }
 
-    /// Linear brightness at a place on the disc of unit radius.
+    /// Linear brightness along a line from the disc's middle, by the distance in radii: the basis is there a polynomial in the distance and in the normal's
+    /// component along the view, and a ball is read at some hundred places on each of its rays.
     #[inline]
-    pub fn at(&self, place: Vector2<f64>) -> f64 {
-        let basis = basis(place.x, place.y, &self.lamp);
-        self.terms.iter().zip(basis).map(|(term, b)| term * b).sum::<f64>().max(0.02)
+    pub fn along(&self, direction: Vector2<f64>) -> impl Fn(f64) -> f64 + use<> {
+        let (x, y) = (direction.x, direction.y);
+        let [even, by_x, by_y, by_z, by_xy, by_xz, by_yz, by_squares, by_height, by_lamp] = self.terms.into();
+        let first = by_x * x + by_y * y;
+        let leaning = by_xz * x + by_yz * y;
+        let second = by_xy * x * y + by_squares * (x * x - y * y);
+        let (toward, facing) = (self.lamp.x * x + self.lamp.y * y, self.lamp.z);
+        move |distance| {
+            // Beyond the rim: as at the rim.
+            let way = distance.clamp(-1.0, 1.0);
+            let z2 = 1.0 - way * way;
+            let z = z2.sqrt();
+            let lit = (way * toward + z * facing).max(0.0);
+            let sum = even
+                + way * (first + way * second)
+                + z * (by_z + way * leaning)
+                + by_height * (3.0 * z2 - 1.0)
+                + by_lamp * lit;
+            sum.max(LEAST_BRIGHTNESS)
+        }
     }
 
     /// Fits the light on a ball's inside; constant light where too little is visible.
     ///
     /// Where the codec blurs the colours, the brightness of a uniformly painted ball gives its light.
     pub fn fit(patch: &Patch, disc: &Disc) -> Self {
-        let pixels: Vec<(&DiscPixel, [f64; 3])> = disc
-            .pixels
-            .iter()
-            .map(|pixel| {
-                let [b, g, r] = patch.light[pixel.index];
-                let light = |v: f32| if patch.coded { light_of(f64::from(v)) } else { f64::from(v) };
-                (pixel, [light(b), light(g), light(r)])
-            })
-            .collect();
-        let inner = || pixels.iter().filter(|(pixel, _)| pixel.clear);
-        if inner().count() < TERMS - 1 {
+        let colour_of = |pixel: &DiscPixel| {
+            let light = |v: f32| if patch.coded { light_of(f64::from(v)) } else { f64::from(v) };
+            patch.light[pixel.index].map(light)
+        };
+        let clear = || disc.pixels.iter().enumerate().filter(|(_, pixel)| pixel.clear);
+        // Of the others only the brightness counts.
+        let inner: Vec<(usize, [f64; 3])> = clear().map(|(at, pixel)| (at, colour_of(pixel))).collect();
+        if inner.len() < TERMS - 1 {
             return Self::even();
         }
         let typical: [f64; 3] =
-            core::array::from_fn(|channel| median(inner().map(|(_, colour)| colour[channel]).collect()));
+            core::array::from_fn(|channel| median(inner.iter().map(|(_, colour)| colour[channel]).collect()));
         let power: f64 = typical.iter().map(|c| c * c).sum();
         if !(power > 1e-8) {
             return Self::even();
@@ -155,19 +176,25 @@ impl Shading {
             let own: f64 = colour.iter().map(|c| c * c).sum();
             1.0 - along * along / (own * power).max(1e-18) <= OTHER_COLOUR_SINE * OTHER_COLOUR_SINE
         };
-        let brightness = |index: usize| light_of(f64::from(patch.luma[index]));
+        let brightness: Vec<f64> = if patch.coded {
+            disc.pixels.iter().map(|pixel| light_of(f64::from(patch.luma[pixel.index]))).collect()
+        } else {
+            Vec::new()
+        };
         let typical_light =
-            if patch.coded { median(inner().map(|(p, _)| brightness(p.index)).collect()) } else { 0.0 };
+            if patch.coded { median(inner.iter().map(|(at, _)| brightness[*at]).collect()) } else { 0.0 };
         // Colours near the outline are mixed by the codec: there only the brightness is used, and outliers have
         // less weight.
-        let kept: Vec<usize> = (0..pixels.len())
-            .filter(|pixel| !pixels[*pixel].0.clear || own_colour(&pixels[*pixel].1))
-            .collect();
-        let light = kept.iter().map(|pixel| {
-            let (pixel, colour) = &pixels[*pixel];
+        let mut kept: Vec<bool> = disc.pixels.iter().map(|pixel| !pixel.clear).collect();
+        for (at, colour) in &inner {
+            kept[*at] = own_colour(colour);
+        }
+        let kept: Vec<usize> = (0..kept.len()).filter(|at| kept[*at]).collect();
+        let light = kept.iter().map(|at| {
             if typical_light > 1e-6 {
-                brightness(pixel.index) / typical_light
+                brightness[*at] / typical_light
             } else {
+                let colour = colour_of(&disc.pixels[*at]);
                 colour.iter().zip(&typical).map(|(a, b)| a * b).sum::<f64>() / power
             }
         });

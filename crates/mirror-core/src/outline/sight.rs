@@ -96,12 +96,17 @@ impl Sight {
             .map(|(sine, cosine)| Vector2::new(cosine, sine))
             .collect();
         let mut corners = Vec::with_capacity(count * samples);
-        let mut inside = vec![true; count];
-        for ((direction, radius), inside) in direction.iter().zip(radius_px).zip(&mut inside) {
-            for offset in &offsets {
-                let (around, within) = patch.around_place(center_px + direction * (radius + offset));
-                corners.push(around);
-                *inside &= within;
+        let mut inside = Vec::with_capacity(count);
+        for (direction, radius) in direction.iter().zip(radius_px) {
+            let at = |offset: &f64| center_px + direction * (radius + offset);
+            // What lies between two places in the patch lies there too.
+            let ends = [offsets.first(), offsets.last()];
+            let within = ends.into_iter().flatten().all(|offset| patch.holds(at(offset)));
+            inside.push(within);
+            if within {
+                corners.extend(offsets.iter().map(|offset| patch.around_place_within(at(offset))));
+            } else {
+                corners.extend(offsets.iter().map(|offset| patch.around_place(at(offset))));
             }
         }
         Self {

@@ -234,7 +234,8 @@ impl Fit {
                 for k in 0..BEHIND {
                     line[SHAPE + BASES + k] = (1.0 - alpha) * under[k];
                 }
-                normal.ger(weight, &line, &line, 1.0);
+                // (Its lower triangle: the factor reads no more of it.)
+                normal.syger(weight, &line, &line, 1.0);
                 right.axpy(weight * residual[index], &line, 1.0);
             }
         }
