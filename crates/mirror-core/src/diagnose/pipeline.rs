@@ -20,6 +20,7 @@ use crate::diagnose::prepare::options::{DiagnoseOptions, OtherSession};
 use crate::diagnose::prepare::prepared::Prepared;
 use crate::diagnose::prepare::row_slip::{Slip, is_slipped};
 use crate::diagnose::random_effects::free_form::free_forms;
+use crate::diagnose::report::board_shape::{self, not_flat};
 use crate::diagnose::report::build;
 use crate::diagnose::report::reservations::{
     background_was_taken, hangs_on_regions, noise_may_be_larger, reserve,
@@ -181,6 +182,9 @@ pub(crate) fn diagnose(
     diagnosis.warnings.extend(positions_are_rounded(&findings)?);
     diagnosis.warnings.extend(noise_may_be_larger(&findings)?);
     reserve(&mut diagnosis, &findings);
+    if let Some(not_flat) = not_flat(&findings)? {
+        board_shape::tell(&mut diagnosis, not_flat);
+    }
     if options.markers {
         diagnosis.markers = seen_markers(&findings)?;
     }

@@ -20,49 +20,53 @@ const RESOLUTION: &str = "camera_resolution";
 /// Puts the causes of focal length and centre together where they are those of another resolution.
 pub(crate) fn put_together(told: &mut Vec<(Cause, Part)>, problem: &Problem) {
     let place = |effect: &str| told.iter().position(|(cause, _)| cause.effect == effect);
-    let (Some(focal), Some(center)) = (place("camera_focal"), place("camera_center")) else { return };
-    let undone = place(RESOLUTION);
-    let ((of_focal, Part::Term(i)), (of_center, Part::Term(j))) = (&told[focal], &told[center]) else {
-        return;
-    };
-    let value = |of: &Cause, name: &str| of.parameters.get(name).copied();
-    let (Some(scale), Some(du), Some(dv), Some(camera)) = (
-        value(of_focal, "scale_error"),
-        value(of_center, "du_px"),
-        value(of_center, "dv_px"),
-        &problem.camera,
-    ) else {
-        return;
-    };
-    let already = |name: &str| undone.and_then(|at| value(&told[at].0, name)).map(|e| e.value);
-    let before = already("factor").unwrap_or(1.0);
+    let term = |at: usize| if let Part::Term(i) = told[at].1 { Some(i) } else { None };
+    let value = |at: usize, name: &str| told[at].0.parameters.get(name).copied();
+    let (undone, center) = (place(RESOLUTION), place("camera_center"));
+    let Some((focal, of_focal)) = place("camera_focal").and_then(|at| Some((at, term(at)?))) else { return };
+    let (Some(scale), Some(camera)) = (value(focal, "scale_error"), &problem.camera) else { return };
+    let already = |name: &str| undone.and_then(|at| value(at, name));
+    let before = already("factor").map_or(1.0, |e| e.value);
     let deviation = FAR_DEVIATIONS * before * scale.std;
-    let Some(factor) = resolution_near(before * (1.0 + scale.value), deviation) else { return };
+    let ratio = before * (1.0 + scale.value);
+    let is_crop = undone.is_some() && (ratio - 1.0).abs() < deviation;
+    let Some(factor) = is_crop.then_some(1.0).or_else(|| resolution_near(ratio, deviation)) else { return };
+    let mut terms = vec![of_focal];
+    terms.extend(center.and_then(term));
+    if center.map(term) == Some(None) || (center.is_none() && !is_crop) {
+        return;
+    }
     // The camera is that of the file with the factor that was undone.
-    let shift = Vector2::new(already("du_px").unwrap_or(0.0), already("dv_px").unwrap_or(0.0));
-    let of_file = camera.center_px() - factor * (camera.center_px() - shift) / before;
-    let offset = |name: &str, shift: Estimate, of_file_px: f64| {
-        (name.to_owned(), Estimate { value: shift.value + of_file_px, std: shift.std })
+    let shift = ["du_px", "dv_px"].map(|name| already(name).unwrap_or(Estimate { value: 0.0, std: 0.0 }));
+    let shift_px = Vector2::new(shift[0].value, shift[1].value);
+    let of_file = camera.center_px() - factor * (camera.center_px() - shift_px) / before;
+    let offset = |k: usize| {
+        let name = ["du_px", "dv_px"][k];
+        // Without a centre of its own it is as well known as where the factor was undone.
+        let moved = center.and_then(|at| value(at, name));
+        let moved = moved.unwrap_or(Estimate { value: 0.0, std: shift[k].std });
+        (name.to_owned(), Estimate { value: moved.value + of_file[k], std: moved.std })
     };
+    let causes = || core::iter::once(focal).chain(center).map(|at| &told[at].0);
     let cause = Cause {
         effect: RESOLUTION.into(),
-        at: of_focal.at.clone(),
+        at: told[focal].0.at.clone(),
         kind: Concern::Camera.word().into(),
-        probability: of_focal.probability.min(of_center.probability),
+        probability: causes().map(|c| c.probability).fold(1.0, f64::min),
         parameters: BTreeMap::from([
             ("factor".to_owned(), Estimate { value: factor, std: 0.0 }),
-            offset("du_px", du, of_file.x),
-            offset("dv_px", dv, of_file.y),
+            offset(0),
+            offset(1),
         ]),
         stability: None,
         alternatives: Vec::new(),
         words: "the camera's parameters are of another resolution and crop of the picture".into(),
-        rms_shift: of_focal.rms_shift.hypot(of_center.rms_shift),
+        rms_shift: causes().map(|c| c.rms_shift).fold(0.0, f64::hypot),
         members: Vec::new(),
         frames: Vec::new(),
     };
-    told[focal] = (cause, Part::Terms(vec![*i, *j]));
-    let mut replaced: Vec<usize> = undone.into_iter().chain([center]).collect();
+    told[focal] = (cause, Part::Terms(terms));
+    let mut replaced: Vec<usize> = undone.into_iter().chain(center).collect();
     replaced.sort_unstable();
     replaced.into_iter().rev().for_each(|at| drop(told.remove(at)));
 }

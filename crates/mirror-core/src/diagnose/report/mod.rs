@@ -1,6 +1,7 @@
 //! From the findings to the report and its plots.
 
 mod another_resolution;
+pub(super) mod board_shape;
 pub(super) mod build;
 mod doubts;
 pub(super) mod fields;

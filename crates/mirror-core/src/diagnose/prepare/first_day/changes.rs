@@ -252,9 +252,13 @@ fn best_changes(fit: &Tolerant, problem: &Problem, all_joints: &[Place], zeros: 
     if problem.camera_site.is_some() {
         mounts.push(moved(problem, &deformation, fit.noise, Slipped::Camera)?);
     }
-    let wandering = markers.iter().chain(all_joints).chain(&mounts).map(smooth_gain).fold(0.0, f64::max);
+    let wandering = markers.iter().chain(&mounts).map(smooth_gain).fold(0.0, f64::max);
     let may_change = markers.iter().chain(if zeros { all_joints } else { &[] }).chain(&mounts);
-    let steps: Vec<Best> = may_change.filter_map(|place| scan(place, 0..problem.frames.len())).collect();
+    let steps = may_change.filter_map(|place| {
+        let step = scan(place, 0..problem.frames.len())?;
+        (!step.is_of_zero() || step.gain > smooth_gain(place)).then_some(step)
+    });
+    let steps: Vec<Best> = steps.collect();
     let runs = markers.iter().chain(&mounts).filter_map(|place| {
         let (rows, found) = best_run(place)?;
         // Two ends where a step has one.

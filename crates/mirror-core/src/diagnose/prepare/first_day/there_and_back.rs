@@ -43,7 +43,7 @@ pub(super) fn best_run(place: &Place) -> Option<(Range<usize>, Gain)> {
     let all = sums.over(&(0..rows));
     let of = |run: &Range<usize>| {
         let long =
-            run.len() >= FEWEST_FRAMES && run.start >= FEWEST_FRAMES && run.end + FEWEST_FRAMES <= rows;
+            run.len() >= 2 * FEWEST_FRAMES && run.start >= FEWEST_FRAMES && run.end + FEWEST_FRAMES <= rows;
         long.then(|| gain(&all, &sums.over(run))).flatten()
     };
     let ends: Vec<usize> = (0..=ENDS).map(|i| i * rows / ENDS).collect();

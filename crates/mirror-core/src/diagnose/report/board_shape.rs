@@ -1,0 +1,135 @@
+//! Whether the board is flat: corners that lie beside their grid in the same way in all pictures, or in each picture in
+//! another way.
+//!
+//! A board that is bent, or on paper that flutters, gives a wrong mirror in each picture. No effect of the vocabulary has
+//! its shape, and the noise of the corners, estimated from the views of one posture, contains it. In the board's frame:
+//!
+//! * a corner's displacement over all pictures, `d = (Σ JᵀJ)⁻¹ Σ Jᵀ r` ([`super::fields`]): `Σ (d/σ_d)²` is chi-squared with
+//!   as many degrees of freedom as there are numbers, if nothing is wrong;
+//! * in each picture a bend `z = b₁ x² + b₂ xy + b₃ y²`, fitted to its corners: it gains 3 by noise alone.
+//!
+//! Either is told where the excess is significant and a noticeable share of the corners' noise.
+
+use crate::diagnose::assessment::findings::Findings;
+use crate::diagnose::data::diagnosis::{Diagnosis, Field, Verdict, Where};
+use crate::diagnose::model::deformation::Deformation;
+use crate::diagnose::model::frame::{FrameWork, Task};
+use crate::diagnose::model::problem::{Noise, Problem};
+use crate::diagnose::principles::{A_GAP, FAR_DEVIATIONS};
+use crate::diagnose::report::fields::{Over, field};
+use crate::error::Result;
+use nalgebra::{Matrix3, Vector3};
+use rayon::prelude::*;
+
+/// What contradicts a flat board.
+#[derive(Debug, Clone)]
+pub(crate) struct NotFlat {
+    told: String,
+    /// The corners' displacements, where they are the same in all pictures.
+    field: Option<Field>,
+}
+
+/// Whether squares of so many numbers are in excess of what noise gives, by a share of the rows' that is a gap. Boards on glass
+/// have less than a hundredth.
+fn is_seen(chi2: f64, numbers: f64, rows: f64) -> bool {
+    let excess = chi2 - numbers;
+    excess > FAR_DEVIATIONS * (2.0 * numbers).sqrt() && excess > (A_GAP - 1.0) * rows
+}
+
+/// Whether the corners contradict a flat board, at the model found.
+///
+/// # Errors
+/// Invalid parameters of the camera or mirror.
+pub(crate) fn not_flat(findings: &Findings<'_>) -> Result<Option<NotFlat>> {
+    let search = &findings.search;
+    let (problem, noise) = (&search.problem, search.detector_noise());
+    let deformation = search.deformation(&findings.found.fit.model);
+    let Some(field) = field(problem, noise, Over::Board, &deformation, None)? else { return Ok(None) };
+    let rows = 2.0 * field.points.iter().map(|p| p.count as f64).sum::<f64>();
+    let numbers = || field.points.iter().flat_map(|p| p.without.iter().zip(&p.std));
+    let chi2: f64 = numbers().map(|(d, std)| (d / std).powi(2)).sum();
+    if is_seen(chi2, numbers().count() as f64, rows) {
+        let off = |k: usize| field.points.iter().map(move |p| p.without[k].abs()).fold(0.0, f64::max) * 1e3;
+        let told = format!(
+            "the corners of the board lie beside a flat grid, in all pictures alike: by up to {:.1} mm out of its plane and {:.1} mm in it. Lay a ruler on it: \
+             fix it to a plate of glass or aluminium, or print it again; until then each mirror is a little wrong",
+            off(2),
+            off(0).max(off(1))
+        );
+        return Ok(Some(NotFlat { told, field: Some(field) }));
+    }
+    let bends = bends(problem, &deformation, noise)?;
+    let (gained, frames): (f64, f64) =
+        bends.iter().fold((0.0, 0.0), |sum, bend| (sum.0 + bend.gain, sum.1 + 1.0));
+    let rms_mm = (bends.iter().map(|b| b.largest_m.powi(2)).sum::<f64>() / frames.max(1.0)).sqrt() * 1e3;
+    Ok(is_seen(gained, 3.0 * frames, rows).then(|| NotFlat {
+        told: format!(
+            "the board is bent in each picture in another way, by {rms_mm:.1} mm (root mean square): paper that moves, or a plate that is too thin. Fix it to a \
+             plate of glass or aluminium and record again; until then each mirror is a little wrong"
+        ),
+        field: None,
+    }))
+}
+
+/// A picture's bend of the board.
+struct Bend {
+    gain: f64,
+    /// The largest displacement out of the plane that it gives a corner, m.
+    largest_m: f64,
+}
+
+fn bends(problem: &Problem, deformation: &Deformation, noise: Noise) -> Result<Vec<Bend>> {
+    let eye = problem.eye(deformation)?;
+    let task = Task { with_board: true, ..Task::of_residuals(problem, deformation, eye.as_ref(), noise) };
+    let half = problem.corners.iter().map(|c| c.x.abs().max(c.y.abs())).fold(f64::MIN_POSITIVE, f64::max);
+    let modes = |index: usize| {
+        let (x, y) = (problem.corners[index].x / half, problem.corners[index].y / half);
+        Vector3::new(x * x, x * y, y * y)
+    };
+    let of_frame = |work: &mut FrameWork, frame: usize| {
+        if !work.evaluate(problem, &task, frame) {
+            return None;
+        }
+        let (mut h, mut g) = (Matrix3::zeros(), Vector3::zeros());
+        for corner in work.seen_corners(problem) {
+            let (m, j) = (modes(corner.index), corner.by_board.column(2) / noise.corner_px);
+            h += m * m.transpose() * j.norm_squared();
+            g += m * j.dot(&corner.residual_px) / noise.corner_px;
+        }
+        let bend = h.cholesky()?.solve(&g);
+        let largest_m = (0..problem.corners.len()).map(|c| modes(c).dot(&bend).abs()).fold(0.0, f64::max);
+        Some(Bend { gain: g.dot(&bend), largest_m })
+    };
+    Ok((0..problem.frames.len())
+        .into_par_iter()
+        .map_init(|| FrameWork::new(problem), of_frame)
+        .flatten()
+        .collect())
+}
+
+/// Says so: a session with such a board is neither without a fault nor explained.
+pub(crate) fn tell(diagnosis: &mut Diagnosis, not_flat: NotFlat) {
+    const BOARD: &str = "board";
+    let depends_on = if not_flat.field.is_some() { "nothing" } else { "posture, each by itself" };
+    match diagnosis.verdict {
+        Verdict::None => {
+            diagnosis.verdict = Verdict::Unknown;
+            diagnosis.sentence = format!("Markers show nothing wrong, but {}.", not_flat.told);
+        }
+        Verdict::Explained => {
+            diagnosis.verdict = Verdict::Partial;
+            diagnosis.sentence += &format!(" But {}.", not_flat.told);
+        }
+        Verdict::Partial | Verdict::Unknown => diagnosis.warnings.push(not_flat.told),
+        Verdict::Insufficient => return,
+    }
+    diagnosis.fields.extend(not_flat.field);
+    let places = &mut diagnosis.r#where;
+    match places.iter_mut().find(|place| place.at == BOARD) {
+        Some(board) => board.depends_on = board.depends_on.take().or(Some(depends_on.into())),
+        None => {
+            let share = if places.is_empty() { 1.0 } else { 0.0 };
+            places.push(Where { at: BOARD.into(), share, depends_on: Some(depends_on.into()) });
+        }
+    }
+}
