@@ -103,7 +103,7 @@ pub(crate) fn beside_remainder(
 }
 
 /// Limits what is told of a slip where what is left at its place depends on time: it is no single step there, and a
-/// mount that works loose is as probable.
+/// mount that works loose is as probable. Of a slip and the way back, any other error of these rows may be a part.
 fn contradicted_slips(causes: &mut [Cause], findings: &Findings<'_>) {
     let scene = &findings.search.problem.scene;
     let places = findings.unexplained.iter().flat_map(|u| &u.places);
@@ -111,7 +111,10 @@ fn contradicted_slips(causes: &mut [Cause], findings: &Findings<'_>) {
         .filter(|p| p.depends_on.as_deref().is_some_and(|on| on.starts_with("time")))
         .map(|p| p.name(scene))
         .collect();
-    for slip in causes.iter_mut().filter(|c| c.effect == "slip" && wandering.contains(&c.at)) {
+    let slips: Vec<String> = causes.iter().filter(|c| c.effect == "slip").map(|c| c.at.clone()).collect();
+    let is_back = |at: &String| slips.iter().filter(|other| *other == at).count() > 1;
+    let doubtful = |c: &&mut Cause| c.effect == "slip" && (wandering.contains(&c.at) || is_back(&c.at));
+    for slip in causes.iter_mut().filter(doubtful) {
         slip.probability *= MAJORITY;
     }
 }

@@ -6,7 +6,7 @@
 //! (H_b, g_b), the gain of b is `eᵀ S⁻¹ e`, `e = g_b − H_b H⁻¹ g`, `S = H_b − H_b H⁻¹ H_b`: all k in one pass. The
 //! best place and row is fitted again with all small errors, and kept if its marginal likelihood is far above that
 //! without it. The same holds for a place that slipped, and some rows later again ([`super::there_and_back`]). A place that wanders over the session
-//! looks like one that slipped ([`super::wandering`]): what is smooth in time must gain less.
+//! looks like one that slipped ([`super::wandering`]): the evidence must be for the step.
 //!
 //! A lost zero moves what the joint carries like a slip along the joint's circle. It has one parameter, a slip three or
 //! six: the evidence decides. It is also compared with play or sticking at one joint ([`super::hysteresis`]), which
@@ -17,7 +17,7 @@ use super::hysteresis::{self, OfJoint};
 use super::mistake::Mistake;
 use super::there_and_back::best_run;
 use super::verify::{Tolerant, smaller};
-use super::wandering::smooth_gain;
+use super::wandering::Wandering;
 use crate::diagnose::likelihood::noise::{effective, estimate};
 use crate::diagnose::likelihood::saturated::FREE_STD;
 use crate::diagnose::model::body::NodeId;
@@ -27,7 +27,8 @@ use crate::diagnose::model::problem::{Noise, Problem};
 use crate::diagnose::model::slips::{Slip, Slipped, following};
 use crate::diagnose::model::solver::SOLVER;
 use crate::diagnose::principles::{
-    A_GAP, ABOVE_SCATTER, BEYOND_DOUBT, FEWEST_FRAMES, Prior, Size, Threshold,
+    A_GAP, ABOVE_SCATTER, BEYOND_DOUBT, FEWEST_FRAMES, Guard, LEAST_LOG_ODDS, MAJORITY, Prior, Size,
+    Threshold,
 };
 use crate::error::Result;
 use core::ops::Range;
@@ -39,6 +40,8 @@ pub(super) const WITHIN_CHANCE: Threshold = 4.0;
 const SLIPS_TRIED: Size = 3;
 /// Prior standard deviation of a change of a joint's zero, rad or m.
 const ZERO_STD: Prior = 0.2;
+/// What wanders is fitted where it gains at least this share of what a step gains.
+const LEAST_OF_STEP: Guard = MAJORITY * MAJORITY;
 /// The only entry of a motion that a joint has.
 const LAST: Size = 5;
 /// The last entries of a motion are those that its place has.
@@ -113,7 +116,7 @@ pub(super) fn find(
         return Ok(None);
     }
     let of_joints = of_zeros(problem, &without.deformation(), without.noise)?;
-    let mut bests = best_changes(&without, problem, &of_joints, zeros)?;
+    let (mut bests, wandering) = best_changes(&without, problem, &of_joints, zeros)?;
     bests.sort_by(|a, b| b.gain.total_cmp(&a.gain));
     let Some(largest) = bests.first().map(|b| b.gain) else { return Ok(None) };
     let hysteresis = hysteresis::likeliest(problem, &without, &sums_of(&of_joints));
@@ -163,7 +166,23 @@ pub(super) fn find(
         let noise = smaller(noise, play.noise);
         odds = odds.min(fit.log_evidence(noise)? - play.log_evidence(noise)?);
     }
-    Ok((odds > BEYOND_DOUBT).then(|| (best.mistakes(problem), odds)))
+    if odds <= BEYOND_DOUBT {
+        return Ok(None);
+    }
+    // Where it is, and where what is smooth in time gains most.
+    let own = wandering.iter().find(|w| w.what == best.what);
+    let most = wandering.iter().filter(|w| w.what != best.what).max_by(|a, b| a.gain.total_cmp(&b.gain));
+    for other in own.into_iter().chain(most).filter(|w| w.gain > LEAST_OF_STEP * best.gain) {
+        let columns = other.columns(&atoms_of(other.what).1, problem.frames.len());
+        let mut smooth = Tolerant::fitted_with(problem, frames, least, columns)?;
+        let noise = smaller(noise, smooth.noise);
+        let against = fit.log_evidence(noise)? - smooth.log_evidence(noise)?;
+        if against < LEAST_LOG_ODDS {
+            return Ok(None);
+        }
+        odds = odds.min(against);
+    }
+    Ok(Some((best.mistakes(problem), odds)))
 }
 
 /// The products of each joint's column in each frame.
@@ -201,14 +220,19 @@ pub(super) fn settle_zero(problem: &Problem, node: NodeId, first: usize, offset:
     Ok(offset)
 }
 
-/// A change with columns of its own, estimated together with all small errors: over its rows, and behind them.
-fn together(problem: &Problem, frames: &[usize], least: Noise, best: &Best) -> Result<(Best, Tolerant)> {
-    let (from, atoms): (usize, Vec<Atom>) = match best.what {
+/// The motion's numbers of a place: the first one's index, and what each does.
+fn atoms_of(what: What) -> (usize, Vec<Atom>) {
+    match what {
         What::Slips(Slipped::Marker(m)) => (3, (0..3).map(|k| Atom::MarkerShift(m, k)).collect()),
         What::Slips(Slipped::Camera) => (0, (0..6).map(Atom::CameraMount).collect()),
         What::Slips(Slipped::Board) => (0, (0..6).map(Atom::BoardSlip).collect()),
         What::Zero(node) => (LAST, vec![Atom::Joint(node)]),
-    };
+    }
+}
+
+/// A change with columns of its own, estimated together with all small errors: over its rows, and behind them.
+fn together(problem: &Problem, frames: &[usize], least: Noise, best: &Best) -> Result<(Best, Tolerant)> {
+    let (from, atoms) = atoms_of(best.what);
     let std = if from == LAST { ZERO_STD } else { FREE_STD };
     let count = problem.frames.len();
     let over = |rows: Range<usize>| {
@@ -240,9 +264,13 @@ fn together(problem: &Problem, frames: &[usize], least: Noise, best: &Best) -> R
     Ok((Best { motion, std, behind, ..best.clone() }, fit))
 }
 
-/// The best row of each place that may slip, and with `zeros` of each joint's zero, where it gains more than anything that
-/// wanders.
-fn best_changes(fit: &Tolerant, problem: &Problem, all_joints: &[Place], zeros: bool) -> Result<Vec<Best>> {
+/// The best row of each place that may slip, and with `zeros` of each joint's zero; and how each place may wander.
+fn best_changes(
+    fit: &Tolerant,
+    problem: &Problem,
+    all_joints: &[Place],
+    zeros: bool,
+) -> Result<(Vec<Best>, Vec<Wandering>)> {
     let deformation = fit.deformation();
     let markers = markers(problem, &deformation, fit.noise)?;
     let mut mounts = Vec::new();
@@ -252,13 +280,8 @@ fn best_changes(fit: &Tolerant, problem: &Problem, all_joints: &[Place], zeros: 
     if problem.camera_site.is_some() {
         mounts.push(moved(problem, &deformation, fit.noise, Slipped::Camera)?);
     }
-    let wandering = markers.iter().chain(&mounts).map(smooth_gain).fold(0.0, f64::max);
-    let may_change = markers.iter().chain(if zeros { all_joints } else { &[] }).chain(&mounts);
-    let steps = may_change.filter_map(|place| {
-        let step = scan(place, 0..problem.frames.len())?;
-        (!step.is_of_zero() || step.gain > smooth_gain(place)).then_some(step)
-    });
-    let steps: Vec<Best> = steps.collect();
+    let may_change = || markers.iter().chain(if zeros { all_joints } else { &[] }).chain(&mounts);
+    let steps: Vec<Best> = may_change().filter_map(|place| scan(place, 0..problem.frames.len())).collect();
     let runs = markers.iter().chain(&mounts).filter_map(|place| {
         let (rows, found) = best_run(place)?;
         // Two ends where a step has one.
@@ -267,8 +290,8 @@ fn best_changes(fit: &Tolerant, problem: &Problem, all_joints: &[Place], zeros: 
     });
     let runs: Vec<Best> = runs.collect();
     // In χ², of so many rows and places that are tried.
-    let least = wandering.max(2.0 * BEYOND_DOUBT);
-    Ok(steps.into_iter().chain(runs).filter(|best| best.gain > least).collect())
+    let clear = steps.into_iter().chain(runs).filter(|best| best.gain > 2.0 * BEYOND_DOUBT);
+    Ok((clear.collect(), may_change().filter_map(Wandering::of).collect()))
 }
 
 /// Zeros of all joints that move what is seen.

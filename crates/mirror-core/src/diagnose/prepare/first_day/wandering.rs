@@ -3,10 +3,11 @@
 //!
 //! With smooth functions of time φ_0 = 1, φ_1, …, φ_m and a displacement `Σ φ_k(t) b_k`, the normal equations are
 //! `A = Σ_f φ φᵀ ⊗ H_f`, `c = Σ_f φ ⊗ g_f`, with `H_f = XᵀX` and `g_f = Xᵀr` of each frame. What the φ_k gain over a constant
-//! is `cᵀ A⁻¹ c − gᵀ H⁻¹ g`, of which each number gains 1 by chance alone. Four cosines come within a tenth of a step; they
-//! follow a ramp or a wave better than a step does.
+//! is `cᵀ A⁻¹ c − gᵀ H⁻¹ g`. Four cosines come within a tenth of a step; they follow a ramp or a wave better than a step does.
+//! The best one is fitted beside all small errors, as a step is, and the marginal likelihoods are compared.
 
-use super::by_frame::Place;
+use super::by_frame::{Place, What};
+use crate::diagnose::model::elementary::{Atom, Column, Weight};
 use crate::diagnose::principles::{Guard, Size};
 use nalgebra::{DMatrix, DVector};
 
@@ -15,8 +16,8 @@ const WAVES: Size = 4;
 /// Decays from the first row on, as of a motor that warms up: by this share of the session each.
 const DECAYS: [f64; 2] = [0.05, 0.2];
 const COUNT: Size = 1 + WAVES + DECAYS.len();
-/// A number that is 0 gains more than this by chance in a twentieth of all sessions (χ²).
-const BY_CHANCE: Guard = 4.0;
+/// A scale of 0 has no prior.
+const LEAST_STD: Guard = 1e-6;
 
 fn functions(row: usize, rows: usize) -> [f64; COUNT] {
     let t = (row as f64 + 0.5) / rows as f64;
@@ -24,34 +25,59 @@ fn functions(row: usize, rows: usize) -> [f64; COUNT] {
     core::array::from_fn(|k| if k <= WAVES { wave(k) } else { (-t / DECAYS[k - 1 - WAVES]).exp() })
 }
 
-/// What a smooth displacement of a place gains over a constant one, in χ², less what it gains by chance more than the step
-/// it is compared with.
-pub(super) fn smooth_gain(place: &Place) -> f64 {
-    let (rows, own) = (place.frames.len(), place.frames.first().map_or(0, |f| f.1.len()));
-    let mut a = DMatrix::<f64>::zeros(COUNT * own, COUNT * own);
-    let mut c = DVector::<f64>::zeros(COUNT * own);
-    for (row, (h, g)) in place.frames.iter().enumerate() {
-        let phi = functions(row, rows);
-        for i in 0..COUNT {
-            c.rows_mut(i * own, own).axpy(phi[i], g, 1.0);
-            for j in 0..=i {
-                let mut block = a.view_mut((i * own, j * own), (own, own));
-                block.zip_apply(h, |to, from| *to += phi[i] * phi[j] * from);
+/// A smooth displacement of a place.
+pub(super) struct Wandering {
+    pub what: What,
+    /// What it gains over a constant one, in χ².
+    pub gain: f64,
+    /// By function, then by number of the place.
+    by_function: Vec<f64>,
+}
+
+impl Wandering {
+    /// The best one, to first order; none where rows say nothing of the place.
+    pub fn of(place: &Place) -> Option<Self> {
+        let (rows, own) = (place.frames.len(), place.frames.first()?.1.len());
+        let mut a = DMatrix::<f64>::zeros(COUNT * own, COUNT * own);
+        let mut c = DVector::<f64>::zeros(COUNT * own);
+        for (row, (h, g)) in place.frames.iter().enumerate() {
+            let phi = functions(row, rows);
+            for i in 0..COUNT {
+                c.rows_mut(i * own, own).axpy(phi[i], g, 1.0);
+                for j in 0..=i {
+                    let mut block = a.view_mut((i * own, j * own), (own, own));
+                    block.zip_apply(h, |to, from| *to += phi[i] * phi[j] * from);
+                }
             }
         }
+        let ridge = 1e-9 * a.trace().max(1e-12);
+        (0..a.nrows()).for_each(|i| a[(i, i)] += ridge);
+        // The first own rows and columns are those of the constant; the factor needs the lower triangle only.
+        let solved = |count: usize| {
+            let factor = a.view((0, 0), (count, count)).into_owned().cholesky()?;
+            let right = c.rows(0, count).into_owned();
+            let solution = factor.solve(&right);
+            Some((right.dot(&solution), solution))
+        };
+        let ((all, solution), (constant, _)) = (solved(COUNT * own)?, solved(own)?);
+        let by_function = solution.as_slice()[own..].to_vec();
+        Some(Self { what: place.what, gain: all - constant, by_function })
     }
-    let ridge = 1e-9 * a.trace().max(1e-12);
-    (0..a.nrows()).for_each(|i| a[(i, i)] += ridge);
-    // The first own rows and columns are those of the constant; the factor needs the lower triangle only.
-    let of = |count: usize| {
-        let factor = a.view((0, 0), (count, count)).into_owned().cholesky()?;
-        let right = c.rows(0, count).into_owned();
-        Some(right.dot(&factor.solve(&right)))
-    };
-    let further = (COUNT - 2) * own;
-    match (of(COUNT * own), of(own)) {
-        (Some(all), Some(constant)) => all - constant - BY_CHANCE * further as f64,
-        _ => 0.0,
+
+    /// Columns, their priors' standard deviations and starts: all functions of an atom have one scale, that of the start.
+    pub fn columns(&self, atoms: &[Atom], rows: usize) -> Vec<(Column, f64, f64)> {
+        let own = atoms.len();
+        let value = |k: usize, i: usize| self.by_function[(k - 1) * own + i];
+        let functions_of = |(i, atom): (usize, &Atom)| {
+            let square = (1..COUNT).map(|k| value(k, i).powi(2)).sum::<f64>() / (COUNT - 1) as f64;
+            let std = square.sqrt().max(LEAST_STD);
+            let column = move |k: usize| {
+                let weight = Weight::Frames((0..rows).map(|row| functions(row, rows)[k]).collect());
+                (Column { atom: *atom, weight }, std, value(k, i))
+            };
+            (1..COUNT).map(column).collect::<Vec<_>>()
+        };
+        atoms.iter().enumerate().flat_map(functions_of).collect()
     }
 }
 
@@ -79,13 +105,13 @@ mod tests {
         };
         let all = sum(&place.frames);
         let steps = (10..190).filter_map(|k| gain(&all, &sum(&place.frames[k..])));
-        (steps.map(|s| s.gain).fold(0.0, f64::max), smooth_gain(&place))
+        (steps.map(|s| s.gain).fold(0.0, f64::max), Wandering::of(&place).map_or(0.0, |w| w.gain))
     }
 
     #[test]
     fn a_step_gains_more_than_what_is_smooth_wherever_it_is() {
         for at in [0.1, 0.3, 0.5, 0.8] {
-            for size in [1.0, 4.0, 30.0] {
+            for size in [4.0, 30.0] {
                 let (step, smooth) = gains(|t| if t < at { 0.0 } else { size });
                 assert!(step > smooth, "a step of {size} at {at}: {step:.0}, smooth {smooth:.0}");
             }
