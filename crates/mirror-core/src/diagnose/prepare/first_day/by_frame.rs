@@ -10,7 +10,7 @@ use crate::diagnose::model::problem::{Noise, Problem};
 use crate::diagnose::model::slips::Slipped;
 use crate::diagnose::principles::{FAR_DEVIATIONS, Threshold};
 use crate::error::Result;
-use nalgebra::{DMatrix, DVector};
+use nalgebra::{DMatrix, DVector, Vector6};
 use rayon::prelude::*;
 
 /// A row farther off than so many deviations counts less: false data must not pass for a slip.
@@ -144,4 +144,36 @@ pub(super) fn moved(
         )
         .collect();
     Ok(Place { what: What::Slips(what), frames })
+}
+
+/// What a displacement of a place over some rows gains, with the displacement.
+pub(super) struct Gain {
+    pub gain: f64,
+    pub motion: Vector6<f64>,
+    pub std: Vector6<f64>,
+}
+
+/// The gain of a displacement over some rows beside a constant one, from the sums of a place's normal equations over all
+/// rows and over these: `eᵀ S⁻¹ e`.
+pub(super) fn gain(
+    (h, g): &(DMatrix<f64>, DVector<f64>),
+    (h_over, g_over): &(DMatrix<f64>, DVector<f64>),
+) -> Option<Gain> {
+    let count = g.len();
+    let ridge = DMatrix::identity(count, count) * (1e-9 * h.trace().max(1e-12));
+    let factor = (h + &ridge).cholesky()?;
+    let e = g_over - h_over * factor.solve(g);
+    let s = h_over - h_over * factor.solve(h_over) + &ridge;
+    let factor = s.cholesky()?;
+    let b = factor.solve(&e);
+    let gain = e.dot(&b);
+    let covariance = factor.inverse();
+    let (mut motion, mut std) = (Vector6::zeros(), Vector6::zeros());
+    // A marker has a shift only.
+    let from = motion.len() - count;
+    for i in 0..count {
+        motion[from + i] = b[i];
+        std[from + i] = covariance[(i, i)].max(0.0).sqrt();
+    }
+    gain.is_finite().then_some(Gain { gain, motion, std })
 }

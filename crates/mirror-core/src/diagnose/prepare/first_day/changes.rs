@@ -12,7 +12,7 @@
 //! six: the evidence decides. It is also compared with play or sticking at one joint ([`super::hysteresis`]), which
 //! looks like a change where the joint turns back.
 
-use super::by_frame::{Place, What, markers, moved, zeros};
+use super::by_frame::{Gain, Place, What, gain, markers, moved, zeros};
 use super::hysteresis::{self, OfJoint};
 use super::mistake::Mistake;
 use super::there_and_back::best_run;
@@ -54,13 +54,6 @@ struct Best {
     /// The place's displacement behind the rows, and its standard deviations, where these do not go to the end.
     behind: Option<(Vector6<f64>, Vector6<f64>)>,
     gain: f64,
-}
-
-/// What a displacement of a place over some rows gains, with the displacement.
-pub(super) struct Gain {
-    pub gain: f64,
-    pub motion: Vector6<f64>,
-    std: Vector6<f64>,
 }
 
 impl Best {
@@ -321,29 +314,4 @@ fn scan(place: &Place, rows: Range<usize>) -> Option<Best> {
         }
     }
     best
-}
-
-/// The gain of a displacement over some rows beside a constant one, from the sums of a place's normal equations over all
-/// rows and over these: `eᵀ S⁻¹ e`.
-pub(super) fn gain(
-    (h, g): &(DMatrix<f64>, DVector<f64>),
-    (h_over, g_over): &(DMatrix<f64>, DVector<f64>),
-) -> Option<Gain> {
-    let count = g.len();
-    let ridge = DMatrix::identity(count, count) * (1e-9 * h.trace().max(1e-12));
-    let factor = (h + &ridge).cholesky()?;
-    let e = g_over - h_over * factor.solve(g);
-    let s = h_over - h_over * factor.solve(h_over) + &ridge;
-    let factor = s.cholesky()?;
-    let b = factor.solve(&e);
-    let gain = e.dot(&b);
-    let covariance = factor.inverse();
-    let (mut motion, mut std) = (Vector6::zeros(), Vector6::zeros());
-    // A marker has a shift only.
-    let from = motion.len() - count;
-    for i in 0..count {
-        motion[from + i] = b[i];
-        std[from + i] = covariance[(i, i)].max(0.0).sqrt();
-    }
-    gain.is_finite().then_some(Gain { gain, motion, std })
 }

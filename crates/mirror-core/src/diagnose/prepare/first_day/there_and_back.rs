@@ -6,8 +6,7 @@
 //! Runs between rows of a grid are compared first, and the best one's ends are moved row by row. A step alone gains little:
 //! it is half wrong on either side. Where each row of the run has a displacement of its own, something else is wrong.
 
-use super::by_frame::Place;
-use super::changes::{Gain, gain};
+use super::by_frame::{Gain, Place, gain};
 use crate::diagnose::principles::{FEWEST_FRAMES, Guard, MAJORITY, Size};
 use core::ops::Range;
 use nalgebra::{DMatrix, DVector};

@@ -86,7 +86,7 @@ mod tests {
     use super::*;
     use crate::diagnose::model::slips::Slipped;
     use crate::diagnose::prepare::first_day::by_frame::What;
-    use crate::diagnose::prepare::first_day::changes::gain;
+    use crate::diagnose::prepare::first_day::by_frame::gain;
 
     /// A place with this displacement in each row, and its best step's gain.
     fn gains(displacement: impl Fn(f64) -> f64) -> (f64, f64) {
