@@ -28,12 +28,15 @@ def write_mirrored(
     actual: Callable[[dict[str, float]], dict[str, float]] = lambda q: q,
     postures: int = 40,
     encoders: bool = False,
+    built: Callable[[str], str] = lambda urdf: urdf,
 ) -> Path:
-    """Random postures of the embedded robot's right arm, each before two mirrors; `actual` gives the joints' real positions."""
+    """Random postures of the embedded robot's right arm, each before two mirrors; `actual` gives the joints' real positions,
+    `built` the URDF of the body that is seen, of which the session's model does not know.
+    """
     nominal = Nominal.load()
     lens, rng = lens_of(nominal), np.random.default_rng(seed)
     body = HiddenBody(
-        nominal.robot_file.read_text(encoding="utf-8"),
+        built(nominal.robot_file.read_text(encoding="utf-8")),
         nominal.metadata.root,
         nominal.metadata.gravity_m_per_s2,
         [],

@@ -1,6 +1,7 @@
 //! From a recording to a diagnosis: the order in which the stages run.
 
 use crate::diagnose::assessment::evidence::{self, Sources};
+use crate::diagnose::assessment::false_together::came_back;
 use crate::diagnose::assessment::findings::Findings;
 use crate::diagnose::assessment::nested::chosen_anew;
 use crate::diagnose::assessment::other_session::check;
@@ -178,6 +179,7 @@ pub(crate) fn diagnose(
     let sources = Sources { given: recording, arranged, left_out };
     diagnosis.data = evidence::data(&sources, &findings)?;
     diagnosis.warnings.extend(background_was_taken(&diagnosis.data));
+    diagnosis.warnings.extend(came_back(recording, &diagnosis.data));
     diagnosis.warnings.extend(column_is_spoilt(&prepared, &arranged.frame_numbers));
     diagnosis.warnings.extend(positions_are_rounded(&findings)?);
     diagnosis.warnings.extend(noise_may_be_larger(&findings)?);

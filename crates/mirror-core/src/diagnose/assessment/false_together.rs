@@ -18,10 +18,37 @@ use std::collections::BTreeSet;
 
 /// Whether the observations left out as false lie together.
 pub(crate) fn lies_together(recording: &Recording, data: &Data) -> bool {
+    let seen = seen(recording, data);
+    let Some(p) = false_share(&seen) else { return false };
+    let in_a_run = (0..recording.markers.len()).filter_map(|m| run_of(&seen, p, m)).map(|run| run.gain);
+    in_a_run.fold(0.0, f64::max).max(at_once(&seen, p)) > -LOG_PRIOR_STRUCTURE
+}
+
+/// The warning if a marker was left out in most of a run of frames: it moved, and came back.
+pub(crate) fn came_back(recording: &Recording, data: &Data) -> Option<String> {
+    let seen = seen(recording, data);
+    let p = false_share(&seen)?;
+    let runs = (0..recording.markers.len()).filter_map(|m| Some((m, run_of(&seen, p, m)?)));
+    let (marker, run) = runs.max_by(|a, b| a.1.gain.total_cmp(&b.1.gain))?;
+    (run.gain > -LOG_PRIOR_STRUCTURE).then(|| {
+        format!(
+            "{} was left out in {} of the {} frames from {} to {} that show it: something touched it there, or was taken for it; look at these frames, and fasten it",
+            recording.markers[marker].name,
+            run.left_out,
+            run.shown,
+            recording.frames[run.first].number,
+            recording.frames[run.last].number
+        )
+    })
+}
+
+/// Of each frame, by marker, whether it was left out; none where it was not seen.
+type Seen = Vec<Vec<Option<bool>>>;
+
+fn seen(recording: &Recording, data: &Data) -> Seen {
     let far: BTreeSet<(i64, &str)> =
         data.left_out.iter().filter(|l| l.is_false()).map(|l| (l.frame, l.target.as_str())).collect();
-    // Of each frame, by marker, whether it was left out; none where it was not seen.
-    let seen: Vec<Vec<Option<bool>>> = recording
+    recording
         .frames
         .iter()
         .map(|frame| {
@@ -35,19 +62,40 @@ pub(crate) fn lies_together(recording: &Recording, data: &Data) -> bool {
             }
             of_frame
         })
-        .collect();
+        .collect()
+}
+
+/// The share of all observations that was left out; none where nothing was, or most.
+fn false_share(seen: &Seen) -> Option<f64> {
     let all = || seen.iter().flatten().flatten();
     let p = all().filter(|out| **out).count() as f64 / all().count().max(1) as f64;
-    if p == 0.0 || p >= MAJORITY {
-        return false;
-    }
+    (p > 0.0 && p < MAJORITY).then_some(p)
+}
+
+/// A run of frames in which a marker was left out more often than elsewhere.
+struct Run {
+    gain: f64,
+    /// Frames, by index.
+    first: usize,
+    last: usize,
+    shown: usize,
+    left_out: usize,
+}
+
+fn run_of(seen: &Seen, p: f64, marker: usize) -> Option<Run> {
     let gain = |out: bool| (MAJORITY / if out { p } else { 1.0 - p }).ln();
-    let of_marker = |m: usize| -> f64 {
-        let gains: Vec<f64> = seen.iter().filter_map(|frame| frame[m]).map(gain).collect();
-        best_run(&gains).map_or(0.0, |(first, last)| gains[first..=last].iter().sum())
-    };
-    let in_a_run = (0..recording.markers.len()).map(of_marker).fold(0.0, f64::max);
-    in_a_run.max(at_once(&seen, p)) > -LOG_PRIOR_STRUCTURE
+    let (frames, outs): (Vec<usize>, Vec<bool>) =
+        seen.iter().enumerate().filter_map(|(f, of_frame)| Some((f, of_frame[marker]?))).unzip();
+    let gains: Vec<f64> = outs.iter().map(|out| gain(*out)).collect();
+    let (first, last) = best_run(&gains)?;
+    let its = first..=last;
+    Some(Run {
+        gain: gains[its.clone()].iter().sum(),
+        first: frames[first],
+        last: frames[last],
+        shown: its.clone().count(),
+        left_out: outs[its].iter().filter(|out| **out).count(),
+    })
 }
 
 /// The gain over chance of frames in which both of two markers are false, for the pair with the largest gain.

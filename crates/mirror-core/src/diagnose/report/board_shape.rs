@@ -4,7 +4,7 @@
 //! A board that is bent, or on paper that flutters, gives a wrong mirror in each picture. No effect of the vocabulary has
 //! its shape, and the noise of the corners, estimated from the views of one posture, contains it. In the board's frame:
 //!
-//! * a corner's displacement over all pictures, `d = (Σ JᵀJ)⁻¹ Σ Jᵀ r` ([`super::fields`]): `Σ (d/σ_d)²` is chi-squared with
+//! * a corner's displacement over all pictures, `d = (Σ JᵀJ)⁻¹ Σ Jᵀ r` ([`super::fields`]): `Σ dᵀ Σ_d⁻¹ d` is chi-squared with
 //!   as many degrees of freedom as there are numbers, if nothing is wrong;
 //! * in each picture a bend `z = b₁ x² + b₂ xy + b₃ y²`, fitted to its corners: it gains 3 by noise alone.
 //!
@@ -13,7 +13,7 @@
 use crate::diagnose::assessment::findings::Findings;
 use crate::diagnose::data::diagnosis::{Diagnosis, Field, Verdict, Where};
 use crate::diagnose::model::deformation::Deformation;
-use crate::diagnose::model::frame::{FrameWork, Task};
+use crate::diagnose::model::frame::{FrameWork, SeenCorner, Task};
 use crate::diagnose::model::problem::{Noise, Problem};
 use crate::diagnose::principles::{A_GAP, FAR_DEVIATIONS};
 use crate::diagnose::report::fields::{Over, field};
@@ -43,12 +43,24 @@ fn is_seen(chi2: f64, numbers: f64, rows: f64) -> bool {
 pub(crate) fn not_flat(findings: &Findings<'_>) -> Result<Option<NotFlat>> {
     let search = &findings.search;
     let (problem, noise) = (&search.problem, search.detector_noise());
+    if problem.board.is_none() {
+        return Ok(None);
+    }
     let deformation = search.deformation(&findings.found.fit.model);
-    let Some(field) = field(problem, noise, Over::Board, &deformation, None)? else { return Ok(None) };
-    let rows = 2.0 * field.points.iter().map(|p| p.count as f64).sum::<f64>();
-    let numbers = || field.points.iter().flat_map(|p| p.without.iter().zip(&p.std));
-    let chi2: f64 = numbers().map(|(d, std)| (d / std).powi(2)).sum();
-    if is_seen(chi2, numbers().count() as f64, rows) {
+    let pictures = pictures(problem, &deformation, noise)?;
+    let mut of_corner = vec![(Matrix3::zeros(), Vector3::zeros()); problem.corners.len()];
+    for seen in pictures.iter().flat_map(|picture| &picture.corners) {
+        let (h, g) = &mut of_corner[seen.index];
+        *h += seen.by_board.tr_mul(&seen.by_board);
+        *g += seen.by_board.tr_mul(&seen.residual_px);
+    }
+    let rows = 2.0 * pictures.iter().map(|picture| picture.corners.len() as f64).sum::<f64>();
+    let gain = |(h, g): &(Matrix3<f64>, Vector3<f64>)| -> Option<f64> {
+        Some(g.dot(&h.cholesky()?.solve(g)) / noise.corner_px.powi(2))
+    };
+    let gains: Vec<f64> = of_corner.iter().filter_map(gain).collect();
+    if is_seen(gains.iter().sum(), 3.0 * gains.len() as f64, rows) {
+        let Some(field) = field(problem, noise, Over::Board, &deformation, None)? else { return Ok(None) };
         let off = |k: usize| field.points.iter().map(move |p| p.without[k].abs()).fold(0.0, f64::max) * 1e3;
         let told = format!(
             "the corners of the board lie beside a flat grid, in all pictures alike: by up to {:.1} mm out of its plane and {:.1} mm in it. Lay a ruler on it: \
@@ -58,17 +70,23 @@ pub(crate) fn not_flat(findings: &Findings<'_>) -> Result<Option<NotFlat>> {
         );
         return Ok(Some(NotFlat { told, field: Some(field) }));
     }
-    let bends = bends(problem, &deformation, noise)?;
-    let (gained, frames): (f64, f64) =
-        bends.iter().fold((0.0, 0.0), |sum, bend| (sum.0 + bend.gain, sum.1 + 1.0));
-    let rms_mm = (bends.iter().map(|b| b.largest_m.powi(2)).sum::<f64>() / frames.max(1.0)).sqrt() * 1e3;
-    Ok(is_seen(gained, 3.0 * frames, rows).then(|| NotFlat {
+    let bends: Vec<&Bend> = pictures.iter().filter_map(|picture| picture.bend.as_ref()).collect();
+    let count = bends.len() as f64;
+    let gained: f64 = bends.iter().map(|bend| bend.gain).sum();
+    let rms_mm = (bends.iter().map(|b| b.largest_m.powi(2)).sum::<f64>() / count.max(1.0)).sqrt() * 1e3;
+    Ok(is_seen(gained, 3.0 * count, rows).then(|| NotFlat {
         told: format!(
             "the board is bent in each picture in another way, by {rms_mm:.1} mm (root mean square): paper that moves, or a plate that is too thin. Fix it to a \
              plate of glass or aluminium and record again; until then each mirror is a little wrong"
         ),
         field: None,
     }))
+}
+
+/// What a picture shows of the board's shape.
+struct Picture {
+    corners: Vec<SeenCorner>,
+    bend: Option<Bend>,
 }
 
 /// A picture's bend of the board.
@@ -78,7 +96,7 @@ struct Bend {
     largest_m: f64,
 }
 
-fn bends(problem: &Problem, deformation: &Deformation, noise: Noise) -> Result<Vec<Bend>> {
+fn pictures(problem: &Problem, deformation: &Deformation, noise: Noise) -> Result<Vec<Picture>> {
     let eye = problem.eye(deformation)?;
     let task = Task { with_board: true, ..Task::of_residuals(problem, deformation, eye.as_ref(), noise) };
     let half = problem.corners.iter().map(|c| c.x.abs().max(c.y.abs())).fold(f64::MIN_POSITIVE, f64::max);
@@ -86,12 +104,9 @@ fn bends(problem: &Problem, deformation: &Deformation, noise: Noise) -> Result<V
         let (x, y) = (problem.corners[index].x / half, problem.corners[index].y / half);
         Vector3::new(x * x, x * y, y * y)
     };
-    let of_frame = |work: &mut FrameWork, frame: usize| {
-        if !work.evaluate(problem, &task, frame) {
-            return None;
-        }
+    let bend_of = |corners: &[SeenCorner]| {
         let (mut h, mut g) = (Matrix3::zeros(), Vector3::zeros());
-        for corner in work.seen_corners(problem) {
+        for corner in corners {
             let (m, j) = (modes(corner.index), corner.by_board.column(2) / noise.corner_px);
             h += m * m.transpose() * j.norm_squared();
             g += m * j.dot(&corner.residual_px) / noise.corner_px;
@@ -99,6 +114,13 @@ fn bends(problem: &Problem, deformation: &Deformation, noise: Noise) -> Result<V
         let bend = h.cholesky()?.solve(&g);
         let largest_m = (0..problem.corners.len()).map(|c| modes(c).dot(&bend).abs()).fold(0.0, f64::max);
         Some(Bend { gain: g.dot(&bend), largest_m })
+    };
+    let of_frame = |work: &mut FrameWork, frame: usize| {
+        work.evaluate(problem, &task, frame).then(|| {
+            let corners: Vec<SeenCorner> = work.seen_corners(problem).collect();
+            let bend = bend_of(&corners);
+            Picture { corners, bend }
+        })
     };
     Ok((0..problem.frames.len())
         .into_par_iter()

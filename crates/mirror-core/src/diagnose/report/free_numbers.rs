@@ -1,9 +1,11 @@
 //! The parameters of gross mistakes, as fitted together with all causes.
 
 use crate::diagnose::assessment::findings::Findings;
-use crate::diagnose::data::diagnosis::Cause;
+use crate::diagnose::data::diagnosis::{Cause, Estimate};
 use crate::diagnose::effects::hypothesis::nuisances;
 use crate::diagnose::model::elementary::Atom;
+use crate::diagnose::prepare::first_day::unit_near;
+use crate::diagnose::principles::FAR_DEVIATIONS;
 
 /// The parameters of a mistake (a marker's place on its true link; a zero, a ratio, a delay): the first estimate,
 /// corrected by the fit with all causes; by inverse variances where several parameters determine one.
@@ -38,4 +40,16 @@ pub(super) fn with_free_numbers(cause: &mut Cause, findings: &Findings<'_>) {
             told.std = weights.sqrt().recip();
         }
     }
+    in_its_unit(cause);
+}
+
+/// A ratio that is another unit's, told as such: beside mounts by hand the first estimate is not exact enough to show it.
+fn in_its_unit(cause: &mut Cause) {
+    let scale = cause.parameters.get("scale_error").copied().filter(|_| cause.effect == "gear_ratio");
+    let Some(scale) = scale else { return };
+    let Some(factor) = unit_near(1.0 + scale.value, FAR_DEVIATIONS * scale.std) else { return };
+    cause.effect = "joint_unit".into();
+    cause.kind = "data".into();
+    cause.parameters = [("factor".to_owned(), Estimate { value: factor, std: 0.0 })].into_iter().collect();
+    cause.words = "the column is in another unit".into();
 }

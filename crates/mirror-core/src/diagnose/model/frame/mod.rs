@@ -25,6 +25,7 @@ mod tests;
 mod work;
 
 pub(crate) use board_fit::FEWEST_CORNERS;
+pub(crate) use corners::SeenCorner;
 pub(crate) use products::{LANES, PROJECTED, Span, Table, add_products, stride};
 pub(crate) use sight::Wanted;
 pub(crate) use work::{FrameWork, Task};

@@ -352,12 +352,7 @@ impl<'a> Session<'a> {
             }
             Mistake::JointUnit { joint, factor } if !UNITS.contains(&factor) => {
                 let of = |factor| Mistake::JointUnit { joint, factor };
-                let best = least(factor * 0.8, factor * 1.25, |x| loss(&of(x)));
-                // Mounts by hand draw a ratio a little beside the unit that the column is in.
-                let nearest =
-                    UNITS.into_iter().min_by(|a, b| (a / best).ln().abs().total_cmp(&(b / best).ln().abs()));
-                let as_well = |unit: &f64| loss(&of(*unit)) <= (1.0 + WORTH_NAMING) * loss(&of(best));
-                of(nearest.filter(as_well).unwrap_or(best))
+                of(least(factor * 0.8, factor * 1.25, |x| loss(&of(x))))
             }
             Mistake::Squares { factor } => {
                 let of = |factor| Mistake::Squares { factor };

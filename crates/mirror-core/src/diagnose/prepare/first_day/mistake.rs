@@ -19,6 +19,11 @@ use nalgebra::{Rotation3, Vector2, Vector3, Vector6};
 pub(super) const UNITS: [f64; 9] =
     [PI / 180.0, PI, TAU, PI / 1800.0, PI / 18000.0, TAU / 4096.0, TAU / 1024.0, TAU / 16384.0, 1e-3];
 
+/// The unit that a column is in whose factor is this, within so much of it.
+pub(crate) fn unit_near(factor: f64, within: f64) -> Option<f64> {
+    UNITS.into_iter().find(|unit| (unit - factor).abs() < within)
+}
+
 /// A mistake, by indices of the robot's independent joints and of the recording's markers.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) enum Mistake {

@@ -62,7 +62,7 @@ use alternatives::Session;
 use chain::{BEAM, Chain, FRAMES, grown, least_fall, spread, unlike};
 pub(crate) use memory::Memory;
 use misfit::Misfit;
-pub(crate) use mistake::Mistake;
+pub(crate) use mistake::{Mistake, unit_near};
 pub(crate) use resolutions::resolution_near;
 pub(crate) use spoilt::{Lost, Step, column};
 pub(crate) use undone::{Doubt, Undone};
