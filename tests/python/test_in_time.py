@@ -55,7 +55,9 @@ def changed(whole: Path, folder: Path, name: str, change: Callable[[list[str], R
 
 
 def test_a_marker_that_was_pushed_and_put_back_is_named_with_both_rows(sound: Path, tmp_path: Path) -> None:
-    pushed = write_mirrored(tmp_path / "pushed", SEED, postures=POSTURES, built=lambda u: by_hand(u, HAND_OFF))
+    pushed = write_mirrored(
+        tmp_path / "pushed", SEED, postures=POSTURES, built=lambda u: by_hand(u, HAND_OFF)
+    )
     _, *off = read(pushed / "detections.csv")
     first, behind = 50, 81
 
@@ -67,7 +69,9 @@ def test_a_marker_that_was_pushed_and_put_back_is_named_with_both_rows(sound: Pa
 
     found = diagnose(changed(sound, tmp_path / "s", "detections.csv", run))
     slips = [cause for cause in found.causes if cause.effect == "slip"]
-    assert found.verdict == "explained" and [slip.at for slip in slips] == ["marker:r_hand"] * 2, found.sentence
+    assert found.verdict == "explained" and [slip.at for slip in slips] == ["marker:r_hand"] * 2, (
+        found.sentence
+    )
     there, back = sorted(slips, key=lambda slip: slip.parameters["first_frame"].value)
     assert abs(there.parameters["first_frame"].value - first) <= 1
     assert abs(back.parameters["first_frame"].value - behind) <= 1
@@ -107,7 +111,7 @@ def test_a_bent_board_is_not_nothing(sound: Path, tmp_path: Path) -> None:
     assert "flat" not in diagnose(sound).sentence
     found = diagnose(changed(sound, tmp_path / "s", "detections.csv", bent(lambda frame: 1.0)))
     assert found.verdict in ("unknown", "partial") and "beside a flat grid" in found.sentence, found.sentence
-    assert [place for place in found.where if place.at == "board"][0].depends_on == "nothing"
+    assert next(place for place in found.where if place.at == "board").depends_on == "nothing"
 
 
 def test_a_board_that_flutters_is_not_nothing(sound: Path, tmp_path: Path) -> None:

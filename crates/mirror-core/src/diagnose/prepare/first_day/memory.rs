@@ -26,6 +26,8 @@ impl<T: Clone> Known<T> {
     }
 }
 
+/// Changes of one place during the session (a slip, and perhaps the way back) with their log odds, if any were found.
+pub(super) type Changes = Option<(Vec<Mistake>, f64)>;
 /// A mistake with its log odds, if one was found.
 type Found = Option<(Mistake, f64)>;
 
@@ -35,7 +37,7 @@ pub(crate) struct Memory {
     explained: Known<bool>,
     gravity: Known<Found>,
     /// Without and with changes of joints' zeros.
-    slips: [Known<Option<(Vec<Mistake>, f64)>>; 2],
+    slips: [Known<Changes>; 2],
     outlying: Known<Vec<Vec<False>>>,
     budget: Option<WorkBudget>,
 }
@@ -71,8 +73,8 @@ impl Memory {
         &mut self,
         undone: &[Mistake],
         zeros: bool,
-        find: impl FnOnce() -> Result<Option<(Vec<Mistake>, f64)>>,
-    ) -> Result<Option<(Vec<Mistake>, f64)>> {
+        find: impl FnOnce() -> Result<Changes>,
+    ) -> Result<Changes> {
         self.slips[usize::from(zeros)].remembered(undone, find)
     }
 
