@@ -4,13 +4,15 @@
 //! A board that is bent, or on paper that flutters, gives a wrong mirror in each picture. No effect of the vocabulary has
 //! its shape, and the noise of the corners, estimated from the views of one posture, contains it. In the board's frame:
 //!
-//! * a corner's displacement over all pictures, `d = (Σ JᵀJ)⁻¹ Σ Jᵀ r` ([`super::fields`]): `Σ dᵀ Σ_d⁻¹ d` is chi-squared with
-//!   as many degrees of freedom as there are numbers, if nothing is wrong;
+//! * a corner's displacement over pictures, `d = H⁻¹ g`, `H = Σ JᵀJ / σ²`, `g = Σ Jᵀ r / σ²` ([`super::fields`]), of the first
+//!   half of the session and of the second: `d₁ᵀ (H₁ + H₂) d₂`, summed over the corners, is what the shape gains if it is the
+//!   same in both. By noise it is 0 on average, also where a corner's errors persist over some pictures;
 //! * in each picture a bend `z = b₁ x² + b₂ xy + b₃ y²`, fitted to its corners: it gains 3 by noise alone.
 //!
 //! Either is told where the excess is significant and a noticeable share of the corners' noise.
 
 use crate::diagnose::assessment::findings::Findings;
+use crate::diagnose::criteria::lack_of_fit::noticeable_excess;
 use crate::diagnose::data::diagnosis::{Diagnosis, Field, Verdict, Where};
 use crate::diagnose::model::deformation::Deformation;
 use crate::diagnose::model::frame::{FrameWork, SeenCorner, Task};
@@ -29,11 +31,25 @@ pub(crate) struct NotFlat {
     field: Option<Field>,
 }
 
-/// Whether squares of so many numbers are in excess of what noise gives, by a share of the rows' that is a gap. Boards on glass
-/// have less than a hundredth.
-fn is_seen(chi2: f64, numbers: f64, rows: f64) -> bool {
-    let excess = chi2 - numbers;
-    excess > FAR_DEVIATIONS * (2.0 * numbers).sqrt() && excess > (A_GAP - 1.0) * rows
+/// Whether a gain is more than noise gives, of so many numbers, by a share of the rows' squares.
+fn is_seen(excess: f64, numbers: f64, least: f64) -> bool {
+    excess > FAR_DEVIATIONS * (2.0 * numbers).sqrt() && excess > least
+}
+
+/// What each corner gains by a displacement that is the same in both halves, times the variance of the noise.
+fn same_in_both(corners: usize, first: &[Picture], second: &[Picture]) -> Vec<f64> {
+    let sums = |half: &[Picture]| {
+        let mut of_corner = vec![(Matrix3::zeros(), Vector3::zeros()); corners];
+        for seen in half.iter().flat_map(|picture| &picture.corners) {
+            let (h, g) = &mut of_corner[seen.index];
+            *h += seen.by_board.tr_mul(&seen.by_board);
+            *g += seen.by_board.tr_mul(&seen.residual_px);
+        }
+        of_corner
+    };
+    let solved = |(h, g): &(Matrix3<f64>, Vector3<f64>)| h.cholesky().map(|factor| factor.solve(g));
+    let both = sums(first).into_iter().zip(sums(second));
+    both.filter_map(|(a, b)| Some(solved(&a)?.dot(&((a.0 + b.0) * solved(&b)?)))).collect()
 }
 
 /// Whether the corners contradict a flat board, at the model found.
@@ -48,18 +64,12 @@ pub(crate) fn not_flat(findings: &Findings<'_>) -> Result<Option<NotFlat>> {
     }
     let deformation = search.deformation(&findings.found.fit.model);
     let pictures = pictures(problem, &deformation, noise)?;
-    let mut of_corner = vec![(Matrix3::zeros(), Vector3::zeros()); problem.corners.len()];
-    for seen in pictures.iter().flat_map(|picture| &picture.corners) {
-        let (h, g) = &mut of_corner[seen.index];
-        *h += seen.by_board.tr_mul(&seen.by_board);
-        *g += seen.by_board.tr_mul(&seen.residual_px);
-    }
     let rows = 2.0 * pictures.iter().map(|picture| picture.corners.len() as f64).sum::<f64>();
-    let gain = |(h, g): &(Matrix3<f64>, Vector3<f64>)| -> Option<f64> {
-        Some(g.dot(&h.cholesky()?.solve(g)) / noise.corner_px.powi(2))
-    };
-    let gains: Vec<f64> = of_corner.iter().filter_map(gain).collect();
-    if is_seen(gains.iter().sum(), 3.0 * gains.len() as f64, rows) {
+    let (first, second) = pictures.split_at(pictures.len() / 2);
+    let gains = same_in_both(problem.corners.len(), first, second);
+    let gained = gains.iter().sum::<f64>() / noise.corner_px.powi(2);
+    // Errors of a corner that persist over most of a session have a tenth of the rows' squares.
+    if is_seen(gained, 3.0 * gains.len() as f64, noticeable_excess() * rows) {
         let Some(field) = field(problem, noise, Over::Board, &deformation, None)? else { return Ok(None) };
         let off = |k: usize| field.points.iter().map(move |p| p.without[k].abs()).fold(0.0, f64::max) * 1e3;
         let told = format!(
@@ -74,7 +84,8 @@ pub(crate) fn not_flat(findings: &Findings<'_>) -> Result<Option<NotFlat>> {
     let count = bends.len() as f64;
     let gained: f64 = bends.iter().map(|bend| bend.gain).sum();
     let rms_mm = (bends.iter().map(|b| b.largest_m.powi(2)).sum::<f64>() / count.max(1.0)).sqrt() * 1e3;
-    Ok(is_seen(gained, 3.0 * count, rows).then(|| NotFlat {
+    // Of flat boards it is at most a hundredth.
+    Ok(is_seen(gained - 3.0 * count, 3.0 * count, (A_GAP - 1.0) * rows).then(|| NotFlat {
         told: format!(
             "the board is bent in each picture in another way, by {rms_mm:.1} mm (root mean square): paper that moves, or a plate that is too thin. Fix it to a \
              plate of glass or aluminium and record again; until then each mirror is a little wrong"
