@@ -18,6 +18,7 @@ import pytest
 pytest.importorskip("mujoco", reason="the mirrored session needs mirror_lab's robots")
 
 from mirror_posture.diagnosis import diagnose
+from mirror_posture.diagnosis.next_step import next_step
 from mirrored_session import write_mirrored
 from session_breaks.kinds import Rows, read, write
 
@@ -72,6 +73,8 @@ def test_a_marker_that_was_pushed_and_put_back_is_named_with_both_rows(sound: Pa
     assert found.verdict == "explained" and [slip.at for slip in slips] == ["marker:r_hand"] * 2, (
         found.sentence
     )
+    for told in (found.sentence, next_step(found)):
+        assert told.count("slip at") == 1, told
     there, back = sorted(slips, key=lambda slip: slip.parameters["first_frame"].value)
     assert abs(there.parameters["first_frame"].value - first) <= 1
     assert abs(back.parameters["first_frame"].value - behind) <= 1

@@ -71,7 +71,9 @@ def next_step(found: Diagnosis) -> str:
     if written:
         steps.append("Write the better model with `mirror-posture apply`")
     if refused:
-        names = listed([f"{effect_in_words(c.effect)} at {place_in_words(c.at)}" for c in refused])
+        # A place that slipped, and came back, is named once.
+        told = dict.fromkeys(f"{effect_in_words(c.effect)} at {place_in_words(c.at)}" for c in refused)
+        names = listed(list(told))
         ways = list(dict.fromkeys(BY_HAND[cause.effect] for cause in refused))
         steps.append(f"{'no' if steps else 'No'} file can hold {names}: {'; '.join(ways)}")
     if verdict == "partial":

@@ -24,7 +24,13 @@ pub(crate) fn sentence(verdict: Verdict, causes: &[Cause], places: &[Where], gap
         (None, _) => "no gap could be computed".to_owned(),
     };
     let sizes = format!("{sizes}, on postures that the fit did not see");
-    let names: Vec<String> = causes.iter().map(name).collect();
+    // A place that slipped, and came back, is named once.
+    let mut names: Vec<String> = Vec::new();
+    for told in causes.iter().map(name) {
+        if !names.contains(&told) {
+            names.push(told);
+        }
+    }
     let left = unexplained_place(places);
     match verdict {
         Verdict::None => format!(
