@@ -115,6 +115,8 @@ def test_a_bent_board_is_not_nothing(sound: Path, tmp_path: Path) -> None:
     found = diagnose(changed(sound, tmp_path / "s", "detections.csv", bent(lambda frame: 1.0)))
     assert found.verdict in ("unknown", "partial") and "beside a flat grid" in found.sentence, found.sentence
     assert next(place for place in found.where if place.at == "board").depends_on == "nothing"
+    shape = found.fields[0]
+    assert (shape.at, shape.over) == ("board", "board") and len(shape.at_points) == 30
 
 
 def test_a_board_that_flutters_is_not_nothing(sound: Path, tmp_path: Path) -> None:

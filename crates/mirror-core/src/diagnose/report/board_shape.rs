@@ -23,6 +23,8 @@ use crate::error::Result;
 use nalgebra::{Matrix3, Vector3};
 use rayon::prelude::*;
 
+const BOARD: &str = "board";
+
 /// What contradicts a flat board.
 #[derive(Debug, Clone)]
 pub(crate) struct NotFlat {
@@ -78,7 +80,7 @@ pub(crate) fn not_flat(findings: &Findings<'_>) -> Result<Option<NotFlat>> {
             off(2),
             off(0).max(off(1))
         );
-        return Ok(Some(NotFlat { told, field: Some(field) }));
+        return Ok(Some(NotFlat { told, field: Some(Field { at: BOARD.into(), ..field }) }));
     }
     let bends: Vec<&Bend> = pictures.iter().filter_map(|picture| picture.bend.as_ref()).collect();
     let count = bends.len() as f64;
@@ -142,7 +144,6 @@ fn pictures(problem: &Problem, deformation: &Deformation, noise: Noise) -> Resul
 
 /// Says so: a session with such a board is neither without a fault nor explained.
 pub(crate) fn tell(diagnosis: &mut Diagnosis, not_flat: NotFlat) {
-    const BOARD: &str = "board";
     let depends_on = if not_flat.field.is_some() { "nothing" } else { "posture, each by itself" };
     match diagnosis.verdict {
         Verdict::None => {

@@ -121,7 +121,7 @@ mod tests {
         for (rows, run) in [(160, 49..89), (90, 20..33), (1000, 501..777)] {
             let (found, gain) = best_run(&place(rows, &run, 4.0, 0.0)).unwrap();
             assert_eq!(found, run);
-            assert!((gain.motion[1] - 4.0).abs() < 0.2 && gain.motion[0].abs() < 0.1, "{}", gain.motion);
+            assert!((gain.motion[4] - 4.0).abs() < 0.2 && gain.motion[3].abs() < 0.1, "{}", gain.motion);
         }
     }
 
