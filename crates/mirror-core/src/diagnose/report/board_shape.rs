@@ -66,7 +66,9 @@ pub(crate) fn not_flat(findings: &Findings<'_>) -> Result<Option<NotFlat>> {
     }
     let deformation = search.deformation(&findings.found.fit.model);
     let pictures = pictures(problem, &deformation, noise)?;
-    let rows = 2.0 * pictures.iter().map(|picture| picture.corners.len() as f64).sum::<f64>();
+    // Corners are found better than markers: what is within a marker's noise matters to nothing.
+    let matters = (noise.marker_px / noise.corner_px).max(1.0).powi(2);
+    let rows = matters * 2.0 * pictures.iter().map(|picture| picture.corners.len() as f64).sum::<f64>();
     let (first, second) = pictures.split_at(pictures.len() / 2);
     let gains = same_in_both(problem.corners.len(), first, second);
     let gained = gains.iter().sum::<f64>() / noise.corner_px.powi(2);
