@@ -13,8 +13,6 @@ from mirror_posture import Board
 from mirror_posture.detect import board_search as search
 from mirror_posture.detect import detect_boards, places
 from mirror_posture.detect.lattice import Reading
-from mirror_posture.detect.medians import tenth
-from mirror_posture.detect.pattern import steps
 from mirror_posture.detect.places import board_places
 
 BOARD = Board(7, 4, 0.02)
@@ -143,13 +141,3 @@ def test_contrasts_that_are_read_one_by_one_are_those_of_all_pixels(monkeypatch:
     alone = places._contrast_around(smooth, peaks)
     monkeypatch.setattr(places, "MOST_READ_ALONE", 0)
     np.testing.assert_array_equal(alone, places._contrast_around(smooth, peaks))
-
-
-@pytest.mark.parametrize("count", [1, 2, 7, 10, 11, 45])
-def test_a_tenth_and_the_steps_of_few_numbers_are_numpys(count: int) -> None:
-    numbers = np.random.default_rng(count).normal(size=(count, 1))
-    assert tenth(numbers) == pytest.approx(np.quantile(numbers, 0.1), abs=1e-15)
-    assert np.isnan(tenth(np.append(numbers, np.nan)))
-    grid = np.random.default_rng(count).normal(size=(count + 1, 3, 2))
-    for axis in (0, 1):
-        np.testing.assert_array_equal(steps(grid, axis), np.gradient(grid, axis=axis))

@@ -26,7 +26,6 @@ from .._core import MirrorPostureError
 from ..board import Board
 from ..camera import Camera
 from ..short_repr import ShortRepr
-from .medians import tenth
 from .pose import board_pose
 from .types import FloatArray
 
@@ -61,10 +60,9 @@ class GateOptions:
     def limit_px(self, corners_px: FloatArray, board: Board) -> float:
         """The limit for a view's corners `(N, 2)` in the board's order, px; by the smallest of its squares."""
         grid = corners_px.reshape(board.rows, board.columns, 2)
-        down, across = grid[1:] - grid[:-1], grid[:, 1:] - grid[:, :-1]
-        sides = np.concatenate([down.reshape(-1, 2), across.reshape(-1, 2)])
+        sides = [np.linalg.norm(np.diff(grid, axis=axis), axis=2).ravel() for axis in (0, 1)]
         # A tenth of the sides may be wrong, or not measured.
-        side = tenth(np.sqrt(sides[:, 0] ** 2 + sides[:, 1] ** 2))
+        side = float(np.quantile(np.concatenate(sides), 0.1))
         share = self.max_residual_squares * side if np.isfinite(side) else 0.0
         return max(self.max_residual_rms_px, min(share, LARGEST_DEFAULT_RESIDUAL_PX))
 

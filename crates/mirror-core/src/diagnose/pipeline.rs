@@ -21,7 +21,7 @@ use crate::diagnose::prepare::options::{DiagnoseOptions, OtherSession};
 use crate::diagnose::prepare::prepared::Prepared;
 use crate::diagnose::prepare::row_slip::{Slip, is_slipped};
 use crate::diagnose::random_effects::free_form::free_forms;
-use crate::diagnose::report::board_shape::{self, not_flat};
+use crate::diagnose::report::board_shape::{NotFlat, not_flat};
 use crate::diagnose::report::build;
 use crate::diagnose::report::reservations::{
     background_was_taken, hangs_on_regions, noise_may_be_larger, reserve,
@@ -58,6 +58,8 @@ pub(crate) struct Outcome {
     pub lost: bool,
     /// The gap with a lost zero undone, in the unit of the observations; none if no zero was lost.
     pub left_beside_step: Option<f64>,
+    /// The board's shape, if it is not flat: no reason for other assumptions, so it is told of the diagnosis that stays.
+    pub not_flat: Option<NotFlat>,
     /// The work of the session so far.
     pub budget: WorkBudget,
 }
@@ -184,9 +186,7 @@ pub(crate) fn diagnose(
     diagnosis.warnings.extend(positions_are_rounded(&findings)?);
     diagnosis.warnings.extend(noise_may_be_larger(&findings)?);
     reserve(&mut diagnosis, &findings);
-    if let Some(not_flat) = not_flat(&findings)? {
-        board_shape::tell(&mut diagnosis, not_flat);
-    }
+    let not_flat = not_flat(&findings)?;
     if options.markers {
         diagnosis.markers = seen_markers(&findings)?;
     }
@@ -198,7 +198,17 @@ pub(crate) fn diagnose(
         FirstResult { deformation, false_frames: left_out.filter_map(number_of).collect(), sought: false };
     let lost = prepared.lost().is_some();
     let budget = prepared.problem.budget.clone();
-    Ok(Outcome { rows_in_order, known, too_large, says_nothing, lost, left_beside_step, budget, diagnosis })
+    Ok(Outcome {
+        rows_in_order,
+        known,
+        too_large,
+        says_nothing,
+        lost,
+        left_beside_step,
+        not_flat,
+        budget,
+        diagnosis,
+    })
 }
 
 /// Whether slipped rows are still slipped given the causes found.

@@ -31,11 +31,14 @@ pub(crate) fn put_together(told: &mut Vec<(Cause, Part)>, problem: &Problem) {
     let ratio = before * (1.0 + scale.value);
     let is_crop = undone.is_some() && (ratio - 1.0).abs() < deviation;
     let Some(factor) = is_crop.then_some(1.0).or_else(|| resolution_near(ratio, deviation)) else { return };
-    let mut terms = vec![of_focal];
-    terms.extend(center.and_then(term));
-    if center.map(term) == Some(None) || (center.is_none() && !is_crop) {
-        return;
-    }
+    let terms = match center {
+        None if is_crop => vec![of_focal],
+        None => return,
+        Some(at) => {
+            let Some(of_center) = term(at) else { return };
+            vec![of_focal, of_center]
+        }
+    };
     // The camera is that of the file with the factor that was undone.
     let shift = ["du_px", "dv_px"].map(|name| already(name).unwrap_or(Estimate { value: 0.0, std: 0.0 }));
     let shift_px = Vector2::new(shift[0].value, shift[1].value);

@@ -32,6 +32,7 @@ use crate::diagnose::prepare::first_day::Memory;
 use crate::diagnose::prepare::first_result::FirstResult;
 use crate::diagnose::prepare::options::{DiagnoseOptions, OtherSession};
 use crate::diagnose::prepare::prepared::Prepared;
+use crate::diagnose::report::board_shape::tell;
 use crate::error::Result;
 use crate::robot::Robot;
 use reason::{Reason, is_of_a_column, left, takes_most};
@@ -48,6 +49,20 @@ pub fn diagnose(
     options: &DiagnoseOptions,
     others: &[OtherSession],
 ) -> Result<Diagnosis> {
+    let Outcome { mut diagnosis, not_flat, .. } = accepted(robot, recording, options, others)?;
+    if let Some(not_flat) = not_flat {
+        tell(&mut diagnosis, not_flat);
+    }
+    Ok(diagnosis)
+}
+
+/// The first diagnosis, or the second that replaces it.
+fn accepted(
+    robot: &Robot,
+    recording: &Recording,
+    options: &DiagnoseOptions,
+    others: &[OtherSession],
+) -> Result<Outcome> {
     let hung = options.allows("pairing");
     let mut memory = Memory::default();
     let mut prepared = |options: &DiagnoseOptions, known: Option<&FirstResult>, spoilt: bool| {
@@ -67,11 +82,11 @@ pub fn diagnose(
         let slips = |mistakes: &[Cause]| mistakes.iter().filter(|m| m.effect == "slip").count();
         let slips_instead = found.left_beside_step.is_some() && slips(&its_mistakes) > slips(&mistakes);
         if slips_instead || its_mistakes.iter().any(is_of_a_column) {
-            return Ok(found.diagnosis);
+            return Ok(found);
         }
         let mut second = pipeline::diagnose(again, robot, recording, options, others)?;
         if second.diagnosis.verdict != Verdict::Explained {
-            return Ok(found.diagnosis);
+            return Ok(found);
         }
         second.diagnosis.trace.insert(
             0,
@@ -93,19 +108,18 @@ pub fn diagnose(
         if reason.without().is_empty() && !without_word && same_mistakes(again.mistakes(), &mistakes) {
             continue;
         }
-        let second = pipeline::diagnose(again, robot, recording, &still, others)?;
+        let mut second = pipeline::diagnose(again, robot, recording, &still, others)?;
         let believed = match second.left_beside_step {
             Some(left) => takes_most(left, &found.diagnosis),
             None => reason.believes(&second.diagnosis, &found.diagnosis),
         };
         let ended = !second.budget.is_spent() || left(&second.diagnosis) <= left(&found.diagnosis);
         if believed && ended {
-            let mut second = second.diagnosis;
-            second.trace.insert(0, reason.words().into());
+            second.diagnosis.trace.insert(0, reason.words().into());
             return Ok(second);
         }
     }
-    Ok(found.diagnosis)
+    Ok(found)
 }
 
 /// Whether the session's work is used up, which is told in the first result.

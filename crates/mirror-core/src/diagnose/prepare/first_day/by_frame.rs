@@ -10,7 +10,7 @@ use crate::diagnose::model::problem::{Noise, Problem};
 use crate::diagnose::model::slips::Slipped;
 use crate::diagnose::principles::{FAR_DEVIATIONS, Threshold};
 use crate::error::Result;
-use nalgebra::{DMatrix, DVector, Vector6};
+use nalgebra::{Cholesky, DMatrix, DVector, Dyn, Vector6};
 use rayon::prelude::*;
 
 /// A row farther off than so many deviations counts less: false data must not pass for a slip.
@@ -27,7 +27,7 @@ pub(super) enum What {
 /// One place's normal equations, frame by frame.
 pub(super) struct Place {
     pub what: What,
-    pub frames: Vec<(DMatrix<f64>, DVector<f64>)>,
+    pub frames: Vec<Sums>,
 }
 
 /// Each marker by its shift.
@@ -35,7 +35,7 @@ pub(super) fn markers(problem: &Problem, deformation: &Deformation, noise: Noise
     let eye = problem.eye(deformation)?;
     let task = Task::of_residuals(problem, deformation, eye.as_ref(), noise);
     let markers = problem.marker_sites.len();
-    let frames: Vec<Vec<(DMatrix<f64>, DVector<f64>)>> = (0..problem.frames.len())
+    let frames: Vec<Vec<Sums>> = (0..problem.frames.len())
         .into_par_iter()
         .map_init(
             || FrameWork::new(problem),
@@ -146,34 +146,54 @@ pub(super) fn moved(
     Ok(Place { what: What::Slips(what), frames })
 }
 
+/// Sums of a place's normal equations: `H = XᵀX`, `g = Xᵀr`.
+pub(super) type Sums = (DMatrix<f64>, DVector<f64>);
+
+/// A constant displacement of a place over all rows, beside which further ones are compared.
+pub(super) struct Constant {
+    factor: Cholesky<f64, Dyn>,
+    displacement: DVector<f64>,
+    ridge: DMatrix<f64>,
+}
+
+impl Constant {
+    pub fn of((h, g): &Sums) -> Option<Self> {
+        let count = g.len();
+        let ridge = DMatrix::identity(count, count) * (1e-9 * h.trace().max(1e-12));
+        let factor = (h + &ridge).cholesky()?;
+        Some(Self { displacement: factor.solve(g), factor, ridge })
+    }
+
+    /// The gain of a displacement over some rows, from the sums over these: `eᵀ S⁻¹ e`, `e = g_b − H_b H⁻¹ g`,
+    /// `S = H_b − H_b H⁻¹ H_b`.
+    pub fn gain(&self, (h_over, g_over): &Sums) -> Option<Gain> {
+        let e = g_over - h_over * &self.displacement;
+        let s = h_over - h_over * self.factor.solve(h_over) + &self.ridge;
+        let factor = s.cholesky()?;
+        let displacement = factor.solve(&e);
+        let gain = e.dot(&displacement);
+        gain.is_finite().then_some(Gain { gain, displacement, factor })
+    }
+}
+
 /// What a displacement of a place over some rows gains, with the displacement.
 pub(super) struct Gain {
     pub gain: f64,
-    pub motion: Vector6<f64>,
-    pub std: Vector6<f64>,
+    displacement: DVector<f64>,
+    factor: Cholesky<f64, Dyn>,
 }
 
-/// The gain of a displacement over some rows beside a constant one, from the sums of a place's normal equations over all
-/// rows and over these: `eᵀ S⁻¹ e`.
-pub(super) fn gain(
-    (h, g): &(DMatrix<f64>, DVector<f64>),
-    (h_over, g_over): &(DMatrix<f64>, DVector<f64>),
-) -> Option<Gain> {
-    let count = g.len();
-    let ridge = DMatrix::identity(count, count) * (1e-9 * h.trace().max(1e-12));
-    let factor = (h + &ridge).cholesky()?;
-    let e = g_over - h_over * factor.solve(g);
-    let s = h_over - h_over * factor.solve(h_over) + &ridge;
-    let factor = s.cholesky()?;
-    let b = factor.solve(&e);
-    let gain = e.dot(&b);
-    let covariance = factor.inverse();
-    let (mut motion, mut std) = (Vector6::zeros(), Vector6::zeros());
-    // A marker has a shift only.
-    let from = motion.len() - count;
-    for i in 0..count {
-        motion[from + i] = b[i];
-        std[from + i] = covariance[(i, i)].max(0.0).sqrt();
+impl Gain {
+    /// The displacement as a motion, and its standard deviations.
+    pub fn motion(&self) -> (Vector6<f64>, Vector6<f64>) {
+        let covariance = self.factor.inverse();
+        let (mut motion, mut std) = (Vector6::zeros(), Vector6::zeros());
+        // A marker has a shift only.
+        let from = motion.len() - self.displacement.len();
+        for (i, value) in self.displacement.iter().enumerate() {
+            motion[from + i] = *value;
+            std[from + i] = covariance[(i, i)].max(0.0).sqrt();
+        }
+        (motion, std)
     }
-    gain.is_finite().then_some(Gain { gain, motion, std })
 }

@@ -5,16 +5,16 @@
 //! b, from row k on. With `H_f = XᵀX` and `g_f = Xᵀr` frame by frame, and sums over all frames (H, g) and from k on
 //! (H_b, g_b), the gain of b is `eᵀ S⁻¹ e`, `e = g_b − H_b H⁻¹ g`, `S = H_b − H_b H⁻¹ H_b`: all k in one pass. The
 //! best place and row is fitted again with all small errors, and kept if its marginal likelihood is far above that
-//! without it. The same holds for a place that slipped, and some rows later again ([`super::there_and_back`]). A place that wanders over the session
-//! looks like one that slipped ([`super::wandering`]): the evidence must be for the step.
+//! without it. The same holds for a place that slipped, and some rows later again ([`super::there_and_back`]). A place that
+//! wanders over the session looks like one that slipped ([`super::wandering`]): the evidence must be for the step.
 //!
 //! A lost zero moves what the joint carries like a slip along the joint's circle. It has one parameter, a slip three or
 //! six: the evidence decides. It is also compared with play or sticking at one joint ([`super::hysteresis`]), which
 //! looks like a change where the joint turns back.
 
-use super::by_frame::{Gain, Place, What, gain, markers, moved, zeros};
+use super::by_frame::{Constant, Gain, Place, Sums, What, markers, moved, zeros};
 use super::hysteresis::{self, OfJoint};
-use super::mistake::Mistake;
+use super::mistake::{Changes, Mistake};
 use super::there_and_back::best_run;
 use super::verify::{Tolerant, smaller};
 use super::wandering::Wandering;
@@ -57,10 +57,11 @@ struct Best {
 }
 
 impl Best {
-    /// A step of a place, or with `to` before the last row a run.
-    fn of(place: &Place, rows: Range<usize>, found: Gain) -> Self {
-        let behind = (rows.end < place.frames.len()).then(|| (Vector6::zeros(), found.std));
-        Self { what: place.what, rows, motion: found.motion, std: found.std, behind, gain: found.gain }
+    /// A step of a place, or a run of rows that ends before the last.
+    fn of(place: &Place, rows: Range<usize>, found: &Gain) -> Self {
+        let (motion, std) = found.motion();
+        let behind = (rows.end < place.frames.len()).then(|| (Vector6::zeros(), std));
+        Self { what: place.what, rows, motion, std, behind, gain: found.gain }
     }
 
     fn is_of_zero(&self) -> bool {
@@ -88,12 +89,7 @@ impl Best {
 ///
 /// # Errors
 /// Invalid parameters of camera or mirror.
-pub(super) fn find(
-    problem: &Problem,
-    frames: &[usize],
-    least: Noise,
-    zeros: bool,
-) -> Result<Option<(Vec<Mistake>, f64)>> {
+pub(super) fn find(problem: &Problem, frames: &[usize], least: Noise, zeros: bool) -> Result<Changes> {
     if !problem.scene.ordered || problem.frames.len() < 2 * FEWEST_FRAMES {
         return Ok(None);
     }
@@ -279,7 +275,7 @@ fn best_changes(
         let (rows, found) = best_run(place)?;
         // Two ends where a step has one.
         let of_step = steps.iter().find(|s| s.what == place.what).map_or(0.0, |s| s.gain);
-        (found.gain > of_step + 2.0 * BEYOND_DOUBT).then(|| Best::of(place, rows, found))
+        (found.gain > of_step + 2.0 * BEYOND_DOUBT).then(|| Best::of(place, rows, &found))
     });
     let runs: Vec<Best> = runs.collect();
     // In χ², of so many rows and places that are tried.
@@ -298,20 +294,20 @@ fn of_zeros(problem: &Problem, deformation: &Deformation, noise: Noise) -> Resul
 fn scan(place: &Place, rows: Range<usize>) -> Option<Best> {
     let count = place.frames.first()?.0.nrows();
     let zero = || (DMatrix::zeros(count, count), DVector::zeros(count));
-    let add = |(h, g): (DMatrix<f64>, DVector<f64>), f: &(DMatrix<f64>, DVector<f64>)| (h + &f.0, g + &f.1);
-    let all = place.frames.iter().fold(zero(), add);
+    let add = |(h, g): Sums, f: &Sums| (h + &f.0, g + &f.1);
+    let constant = Constant::of(&place.frames.iter().fold(zero(), add))?;
     let mut behind = zero();
-    let mut best: Option<Best> = None;
+    let mut best: Option<(usize, Gain)> = None;
     for k in (FEWEST_FRAMES..place.frames.len()).rev() {
         behind = add(behind, &place.frames[k]);
         if place.frames.len() - k < FEWEST_FRAMES || !rows.contains(&k) {
             continue;
         }
-        let Some(found) = gain(&all, &behind) else { continue };
+        let Some(found) = constant.gain(&behind) else { continue };
         // The earliest of rows without anything seen between: a board seen there may have been left out because it slipped.
-        if best.as_ref().is_none_or(|x| found.gain >= x.gain) {
-            best = Some(Best::of(place, k..place.frames.len(), found));
+        if best.as_ref().is_none_or(|(_, x)| found.gain >= x.gain) {
+            best = Some((k, found));
         }
     }
-    best
+    best.map(|(k, found)| Best::of(place, k..place.frames.len(), &found))
 }

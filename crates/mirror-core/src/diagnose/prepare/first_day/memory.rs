@@ -1,7 +1,7 @@
 //! What the diagnoses of one session share: results of earlier preparations, and the budget of work. After the same
 //! mistakes are undone the session is the same, and each stage gives the same result.
 
-use super::mistake::Mistake;
+use super::mistake::{Changes, Mistake};
 use super::outlying::False;
 use crate::diagnose::model::work_budget::WorkBudget;
 use crate::error::Result;
@@ -26,8 +26,6 @@ impl<T: Clone> Known<T> {
     }
 }
 
-/// Changes of one place during the session (a slip, and perhaps the way back) with their log odds, if any were found.
-pub(super) type Changes = Option<(Vec<Mistake>, f64)>;
 /// A mistake with its log odds, if one was found.
 type Found = Option<(Mistake, f64)>;
 

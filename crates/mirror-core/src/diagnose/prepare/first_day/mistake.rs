@@ -82,6 +82,9 @@ pub(crate) enum LateKind {
     Follow,
 }
 
+/// Changes of one place during the session (a slip, and perhaps the way back) with their log odds, if any were found.
+pub(super) type Changes = Option<(Vec<Mistake>, f64)>;
+
 impl Mistake {
     /// Undoes it on the joints' positions, as far as it concerns them.
     pub(super) fn on_variant(&self, variant: &mut Variant) {

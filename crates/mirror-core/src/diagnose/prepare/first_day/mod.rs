@@ -62,6 +62,7 @@ use alternatives::Session;
 use chain::{BEAM, Chain, FRAMES, grown, least_fall, spread, unlike};
 pub(crate) use memory::Memory;
 use misfit::Misfit;
+use mistake::Changes;
 pub(crate) use mistake::{Mistake, unit_near};
 pub(crate) use resolutions::resolution_near;
 pub(crate) use spoilt::{Lost, Step, column};
@@ -187,12 +188,7 @@ pub(crate) fn leaves_gross(problem: &Problem, found: &Deformation, recording: &R
 }
 
 /// A slip, or a lost zero of a joint, during the session; a slip and the way back.
-fn change_point(
-    session: &Undone,
-    without: &[String],
-    zeros: bool,
-    memory: &mut Memory,
-) -> Result<Option<(Vec<Mistake>, f64)>> {
+fn change_point(session: &Undone, without: &[String], zeros: bool, memory: &mut Memory) -> Result<Changes> {
     if without.iter().any(|w| w == "slip") {
         return Ok(None);
     }

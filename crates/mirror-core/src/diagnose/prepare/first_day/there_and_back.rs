@@ -6,7 +6,7 @@
 //! Runs between rows of a grid are compared first, and the best one's ends are moved row by row. A step alone gains little:
 //! it is half wrong on either side. Where each row of the run has a displacement of its own, something else is wrong.
 
-use super::by_frame::{Gain, Place, gain};
+use super::by_frame::{Constant, Gain, Place, Sums};
 use crate::diagnose::principles::{FEWEST_FRAMES, Guard, MAJORITY, Size};
 use core::ops::Range;
 use nalgebra::{DMatrix, DVector};
@@ -17,9 +17,9 @@ const ENDS: Size = 48;
 const WELL_SEEN: Guard = 1e-6;
 
 /// Sums of a place's normal equations before each row.
-struct Sums(Vec<(DMatrix<f64>, DVector<f64>)>);
+struct Before(Vec<Sums>);
 
-impl Sums {
+impl Before {
     fn of(place: &Place, count: usize) -> Self {
         let mut sums = vec![(DMatrix::zeros(count, count), DVector::zeros(count))];
         for (h, g) in &place.frames {
@@ -29,7 +29,7 @@ impl Sums {
         Self(sums)
     }
 
-    fn over(&self, run: &Range<usize>) -> (DMatrix<f64>, DVector<f64>) {
+    fn over(&self, run: &Range<usize>) -> Sums {
         let ((h, g), (h_before, g_before)) = (&self.0[run.end], &self.0[run.start]);
         (h - h_before, g - g_before)
     }
@@ -38,51 +38,42 @@ impl Sums {
 /// The run of rows over which a place's displacement gains most, neither from the first row on nor to the last.
 pub(super) fn best_run(place: &Place) -> Option<(Range<usize>, Gain)> {
     let (rows, count) = (place.frames.len(), place.frames.first()?.0.nrows());
-    let sums = Sums::of(place, count);
-    let all = sums.over(&(0..rows));
-    let of = |run: &Range<usize>| {
-        let long =
-            run.len() >= 2 * FEWEST_FRAMES && run.start >= FEWEST_FRAMES && run.end + FEWEST_FRAMES <= rows;
-        long.then(|| gain(&all, &sums.over(run))).flatten()
+    let before = Before::of(place, count);
+    let constant = Constant::of(&before.over(&(0..rows)))?;
+    let can_be = |run: &Range<usize>| {
+        let long = run.start + 2 * FEWEST_FRAMES <= run.end;
+        long && run.start >= FEWEST_FRAMES && run.end + FEWEST_FRAMES <= rows
+    };
+    let gained = |run: Range<usize>| {
+        can_be(&run).then(|| constant.gain(&before.over(&run))).flatten().map(|gain| (run, gain))
+    };
+    let better = |runs: &mut dyn Iterator<Item = Range<usize>>| {
+        runs.filter_map(gained).max_by(|(_, a), (_, b)| a.gain.total_cmp(&b.gain))
     };
     let ends: Vec<usize> = (0..=ENDS).map(|i| i * rows / ENDS).collect();
-    let pairs = ends.iter().flat_map(|&start| ends.iter().map(move |&end| start..end));
-    let mut best: Option<(Range<usize>, Gain)> = None;
-    let consider = |run: Range<usize>, best: &mut Option<(Range<usize>, Gain)>| -> bool {
-        let Some(found) = of(&run) else { return false };
-        let more = best.as_ref().is_none_or(|(_, b)| found.gain > b.gain);
-        if more {
-            *best = Some((run, found));
-        }
-        more
-    };
-    for run in pairs.filter(|run| run.start < run.end) {
-        consider(run, &mut best);
-    }
+    let mut pairs = ends.iter().flat_map(|&start| ends.iter().map(move |&end| start..end));
+    let mut best = better(&mut pairs)?;
     let mut step = rows.div_ceil(ENDS);
     while step > 0 {
-        let (start, end) = best.as_ref().map(|(run, _)| (run.start, run.end))?;
+        let Range { start, end } = best.0;
         let near = [
             start.saturating_sub(step)..end,
             start + step..end,
             start..end.saturating_sub(step),
-            start..(end + step).min(rows),
+            start..end + step,
         ];
-        let mut moved = false;
-        for run in near.into_iter().filter(|run| run.start < run.end) {
-            moved |= consider(run, &mut best);
-        }
-        if !moved {
-            step /= 2;
+        match better(&mut near.into_iter()).filter(|(_, gain)| gain.gain > best.1.gain) {
+            Some(next) => best = next,
+            None => step /= 2,
         }
     }
-    best.filter(|(run, found)| found.gain > MAJORITY * of_each_row(place, run))
+    Some(best).filter(|(run, found)| found.gain > MAJORITY * of_each_row(place, run))
 }
 
 /// What a displacement of the place in each row of a run by itself would gain, together: a constant one is the reason of
 /// what is left there only if it gains most of that.
 fn of_each_row(place: &Place, run: &Range<usize>) -> f64 {
-    let of = |(h, g): &(DMatrix<f64>, DVector<f64>)| {
+    let of = |(h, g): &Sums| {
         // One view does not show the depth.
         let inverse = h.clone().pseudo_inverse(WELL_SEEN * h.trace().max(f64::MIN_POSITIVE));
         inverse.map_or(0.0, |inverse| g.dot(&(inverse * g)))
@@ -97,16 +88,10 @@ mod tests {
     use crate::diagnose::model::slips::Slipped;
     use crate::diagnose::prepare::first_day::by_frame::What;
 
-    /// A place of unit information in each row, displaced by `there` over a run and by `after` from its end on.
-    fn place(rows: usize, run: &Range<usize>, there: f64, after: f64) -> Place {
+    /// A place of unit information in each row, displaced over a run.
+    fn place(rows: usize, run: &Range<usize>, there: f64) -> Place {
         let frame = |row: usize| {
-            let by = if run.contains(&row) {
-                there
-            } else if row >= run.end {
-                after
-            } else {
-                0.0
-            };
+            let by = if run.contains(&row) { there } else { 0.0 };
             // Residuals that differ, as noise does.
             let g = DVector::from_fn(3, |i, _| {
                 by * f64::from(u8::from(i == 1)) + 0.1 * ((7 * row + i) as f64).sin()
@@ -119,14 +104,15 @@ mod tests {
     #[test]
     fn the_run_is_found_to_the_row_and_gains_its_displacement() {
         for (rows, run) in [(160, 49..89), (90, 20..33), (1000, 501..777)] {
-            let (found, gain) = best_run(&place(rows, &run, 4.0, 0.0)).unwrap();
+            let (found, gain) = best_run(&place(rows, &run, 4.0)).unwrap();
             assert_eq!(found, run);
-            assert!((gain.motion[4] - 4.0).abs() < 0.2 && gain.motion[3].abs() < 0.1, "{}", gain.motion);
+            let (motion, _) = gain.motion();
+            assert!((motion[4] - 4.0).abs() < 0.2 && motion[3].abs() < 0.1, "{motion}");
         }
     }
 
     #[test]
     fn a_session_that_is_too_short_for_a_run_has_none() {
-        assert!(best_run(&place(2 * FEWEST_FRAMES, &(8..12), 4.0, 0.0)).is_none());
+        assert!(best_run(&place(2 * FEWEST_FRAMES, &(8..12), 4.0)).is_none());
     }
 }

@@ -85,8 +85,7 @@ impl Wandering {
 mod tests {
     use super::*;
     use crate::diagnose::model::slips::Slipped;
-    use crate::diagnose::prepare::first_day::by_frame::What;
-    use crate::diagnose::prepare::first_day::by_frame::gain;
+    use crate::diagnose::prepare::first_day::by_frame::{Constant, Sums};
 
     /// A place with this displacement in each row, and its best step's gain.
     fn gains(displacement: impl Fn(f64) -> f64) -> (f64, f64) {
@@ -99,12 +98,12 @@ mod tests {
             (DMatrix::identity(3, 3), g)
         };
         let place = Place { what: What::Slips(Slipped::Marker(0)), frames: (0..ROWS).map(frame).collect() };
-        let sum = |frames: &[(DMatrix<f64>, DVector<f64>)]| {
+        let sum = |frames: &[Sums]| {
             let zero = (DMatrix::zeros(3, 3), DVector::zeros(3));
             frames.iter().fold(zero, |(h, g), f| (h + &f.0, g + &f.1))
         };
-        let all = sum(&place.frames);
-        let steps = (10..190).filter_map(|k| gain(&all, &sum(&place.frames[k..])));
+        let constant = Constant::of(&sum(&place.frames));
+        let steps = (10..190).filter_map(|k| constant.as_ref()?.gain(&sum(&place.frames[k..])));
         (steps.map(|s| s.gain).fold(0.0, f64::max), Wandering::of(&place).map_or(0.0, |w| w.gain))
     }
 
