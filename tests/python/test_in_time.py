@@ -23,6 +23,7 @@ from mirrored_session import write_mirrored
 from session_breaks.kinds import Rows, read, write
 
 SEED = 8
+SEED_OF_TWO = 21
 POSTURES = 60
 COLUMNS = 6
 """Corners of the embedded robot's board in a row."""
@@ -82,6 +83,38 @@ def test_a_marker_that_was_pushed_and_put_back_is_named_with_both_rows(sound: Pa
     assert np.abs(motion - [0.004, -0.004, 0.002]).max() < 5e-4, motion
     again = np.array([back.parameters[f"d{axis}_m"].value for axis in "xyz"])
     assert np.abs(motion + again).max() < 5e-4, again
+
+
+def test_two_markers_that_slip_have_their_own_motions_and_mounts(tmp_path: Path) -> None:
+    """The motions of slips are free in every model: they must not take a mount's part, and leave out the rows before."""
+    forearm = '<joint name="r_forearm_marker_mount" type="fixed">\n    <origin xyz='
+    fore_off = {f'{forearm}"0.0134 0 -0.019"': f'{forearm}"0.0184 0 -0.023"'}
+    folder = write_mirrored(tmp_path / "s", SEED_OF_TWO, postures=POSTURES, built=by_hand)
+    for name, off, first, behind in (("r_hand", HAND_OFF, 20, 45), ("r_forearm", fore_off, 70, 10**6)):
+        there = tmp_path / name
+        write_mirrored(there, SEED_OF_TWO, postures=POSTURES, built=lambda u, off=off: by_hand(u, off))
+        _, *moved = read(there / "detections.csv")
+
+        def is_off(row: list[str], name: str = name, first: int = first, behind: int = behind) -> bool:
+            return row[1] == name and first <= int(row[0]) < behind
+
+        head, *rows = read(folder / "detections.csv")
+        kept = [row for row in rows if not is_off(row)] + [row for row in moved if is_off(row)]
+        write(folder / "detections.csv", [head, *kept])
+    found = diagnose(folder)
+    assert found.verdict == "explained" and not found.data.left_out, found.sentence
+    slips = {
+        (c.at, round(c.parameters["first_frame"].value)): np.array(
+            [c.parameters[f"d{axis}_m"].value for axis in "xyz"]
+        )
+        for c in found.causes
+        if c.effect == "slip"
+    }
+    hand, fore = np.array([0.004, -0.004, 0.002]), np.array([0.005, 0.0, -0.004])
+    expected = {("marker:r_hand", 20): hand, ("marker:r_hand", 45): -hand, ("marker:r_forearm", 70): fore}
+    assert slips.keys() == expected.keys(), found.sentence
+    for which, motion in expected.items():
+        assert np.abs(slips[which] - motion).max() < 2e-4, (which, slips[which])
 
 
 def test_a_joint_that_warms_up_is_no_slip_of_anything(tmp_path: Path) -> None:

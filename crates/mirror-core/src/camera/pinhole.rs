@@ -75,13 +75,22 @@ impl Camera {
     ) -> Result<Self> {
         positive("picture width (px)", f64::from(width_px))?;
         positive("picture height (px)", f64::from(height_px))?;
+        let distortion = distortion.validated()?;
+        let lens = Lens::new(&distortion);
+        Self { width_px, height_px, focal_px, center_px, distortion, lens }.with_intrinsics(focal_px, center_px)
+    }
+
+    /// The same lens with other focal lengths and another principal point (px).
+    ///
+    /// # Errors
+    /// [`Error::NotFinite`] and [`Error::OutOfRange`]: a focal length that is not above zero.
+    pub fn with_intrinsics(mut self, focal_px: Vector2<f64>, center_px: Vector2<f64>) -> Result<Self> {
         positive("focal length fx (px)", focal_px.x)?;
         positive("focal length fy (px)", focal_px.y)?;
         finite("principal point cx (px)", center_px.x)?;
         finite("principal point cy (px)", center_px.y)?;
-        let distortion = distortion.validated()?;
-        let lens = Lens::new(&distortion);
-        Ok(Self { width_px, height_px, focal_px, center_px, distortion, lens })
+        (self.focal_px, self.center_px) = (focal_px, center_px);
+        Ok(self)
     }
 
     /// Width and height of the picture, px.

@@ -221,11 +221,8 @@ pub(crate) fn corner_excess(problem: &Problem, deformation: &Deformation, noise:
             || FrameWork::new(problem),
             |work, frame| {
                 let nominal = problem.boards.get(frame).copied().flatten()?;
-                let own = if deformation.eye_varies() {
-                    problem.eye_in(deformation, frame).ok().flatten()
-                } else {
-                    None
-                };
+                let varies = Some(&eye).filter(|_| deformation.eye_varies());
+                let own = varies.and_then(|eye| eye.in_frame(deformation, frame).ok());
                 let fit = if fresh {
                     let eye = own.as_ref().unwrap_or(&eye);
                     work.fit_board(problem, deformation, Some(eye), frame, Some(nominal.foot))?

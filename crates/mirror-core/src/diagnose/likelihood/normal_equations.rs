@@ -143,7 +143,7 @@ impl Normal {
         let count = columns.len();
         let by_atom = by_atom(columns);
         let fresh = with_board && problem.needs_fresh_board(deformation);
-        let chunks: Vec<Sums> = chunks(problem.frames.len())
+        let chunks: Vec<Sums> = chunks_of(problem.frames.len(), FRAMES_A_CHUNK.max(count / COLUMNS_A_FRAME))
             .into_par_iter()
             .map_init(
                 || Scratch::new(problem),
@@ -198,6 +198,16 @@ impl Sums {
         self.planes.by_parameter.extend(other.planes.by_parameter);
     }
 
+    /// Adds products of some of the columns with each other.
+    fn add_of(&mut self, columns: &[(usize, f64)], products: &[f64]) {
+        let (own, all) = (stride(columns.len()), stride(self.count + 1));
+        for (a, &(i, _)) in columns.iter().enumerate() {
+            for (b, &(j, _)) in columns[..=a].iter().enumerate() {
+                self.products[i.max(j) * all + i.min(j)] += products[a * own + b];
+            }
+        }
+    }
+
     fn into_normal(self) -> Normal {
         let (count, stride) = (self.count, stride(self.count + 1));
         let at = |i: usize, j: usize| self.products[i.max(j) * stride + i.min(j)];
@@ -229,11 +239,23 @@ struct Scratch {
     work: FrameWork,
     vector: Vec<f64>,
     table: Table,
+    /// The columns that act in the frame with their weights, atom by atom, and how many each atom has.
+    acting: Vec<(usize, f64)>,
+    of_atoms: Vec<(Atom, usize)>,
+    /// Products of only these.
+    products: Vec<f64>,
 }
 
 impl Scratch {
     fn new(problem: &Problem) -> Self {
-        Self { work: FrameWork::new(problem), vector: Vec::new(), table: Table::default() }
+        Self {
+            work: FrameWork::new(problem),
+            vector: Vec::new(),
+            table: Table::default(),
+            acting: Vec::new(),
+            of_atoms: Vec::new(),
+            products: Vec::new(),
+        }
     }
 
     fn add_frame(
@@ -245,47 +267,84 @@ impl Scratch {
         frame: usize,
         sum: &mut Sums,
     ) {
-        let Self { work, vector, table } = self;
-        let predicted = work.evaluate(problem, task, frame);
-        sum.cost += work.cost;
+        let predicted = self.work.evaluate(problem, task, frame);
+        sum.cost += self.work.cost;
         if !predicted {
             return;
         }
         let count = columns.len();
-        let with_plane = work.has_plane() && !sum.planes.feet.is_empty();
+        let with_plane = self.work.has_plane() && !sum.planes.feet.is_empty();
         let of_frame = sum.planes.by_parameter.len();
         if let Some(foot) = sum.planes.feet.last_mut().filter(|_| with_plane) {
-            *foot = Some(work.best_foot());
+            *foot = Some(self.work.best_foot());
             sum.planes.by_parameter.resize(of_frame + count, Vector3::zeros());
         }
+        self.find_acting(problem, columns, by_atom, frame);
+        // Of curves over a joint's positions few values act in a frame: then only the products of these are computed.
+        let few = 2 * self.acting.len() < count;
+        let Self { work, vector, table, acting, of_atoms, products } = self;
+        let last = if few { acting.len() } else { count };
         vector.resize(work.row_count + PROJECTED, 0.0);
-        table.clear(count + 1, work.row_count);
-        for (atom, indices) in by_atom {
-            let weight = |i: usize| columns[i].weight.at(&problem.scene, frame);
-            let mut weights = indices.iter().map(|&i| (i, weight(i))).filter(|w| w.1 != 0.0).peekable();
-            if weights.peek().is_none() {
-                continue;
-            }
-            let Some(span) = work.column_in(problem, task.deformation, frame, *atom, vector) else {
+        table.clear(last + 1, work.row_count);
+        let mut first = 0;
+        for &(atom, of_atom) in of_atoms.iter() {
+            let own = first..first + of_atom;
+            first = own.end;
+            let Some(span) = work.column_in(problem, task.deformation, frame, atom, vector) else {
                 continue;
             };
-            for (i, weight) in weights {
-                table.write(i, vector, span, weight);
+            for at in own {
+                let (i, weight) = acting[at];
+                table.write(if few { at } else { i }, vector, span, weight);
                 if with_plane {
                     sum.planes.by_parameter[of_frame + i] = work.foot_by(vector) * weight;
                 }
             }
         }
-        table.write(count, &work.residual, Span { start: 0, end: work.row_count }, 1.0);
-        add_products(table, table, true, &mut sum.products);
+        table.write(last, &work.residual, Span { start: 0, end: work.row_count }, 1.0);
+        if few {
+            acting.push((count, 1.0));
+            products.clear();
+            products.resize(acting.len() * stride(acting.len()), 0.0);
+            add_products(table, table, true, products);
+            sum.add_of(acting, products);
+        } else {
+            add_products(table, table, true, &mut sum.products);
+        }
+    }
+
+    /// The columns that act in a frame, atom by atom.
+    fn find_acting(
+        &mut self,
+        problem: &Problem,
+        columns: &[Column],
+        by_atom: &[(Atom, Vec<usize>)],
+        frame: usize,
+    ) {
+        self.acting.clear();
+        self.of_atoms.clear();
+        for (atom, indices) in by_atom {
+            let before = self.acting.len();
+            let weights = indices.iter().map(|&i| (i, columns[i].weight.at(&problem.scene, frame)));
+            self.acting.extend(weights.filter(|w| w.1 != 0.0));
+            if self.acting.len() > before {
+                self.of_atoms.push((*atom, self.acting.len() - before));
+            }
+        }
     }
 }
 
+/// Sums of n columns are n² numbers, which every chunk clears and adds: with more columns chunks have more frames, one for each so many
+/// columns.
+const COLUMNS_A_FRAME: Size = 4;
+
 /// The frames in chunks of a fixed size.
 pub(crate) fn chunks(frames: usize) -> Vec<core::ops::Range<usize>> {
-    (0..frames.div_ceil(FRAMES_A_CHUNK))
-        .map(|c| c * FRAMES_A_CHUNK..((c + 1) * FRAMES_A_CHUNK).min(frames))
-        .collect()
+    chunks_of(frames, FRAMES_A_CHUNK)
+}
+
+fn chunks_of(frames: usize, size: usize) -> Vec<core::ops::Range<usize>> {
+    (0..frames.div_ceil(size)).map(|c| c * size..((c + 1) * size).min(frames)).collect()
 }
 
 /// Chunks whose sums are kept at once: enough for many cores, and no more memory for long sessions than for short

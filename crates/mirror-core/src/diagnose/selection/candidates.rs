@@ -85,7 +85,8 @@ impl Search<'_> {
             // A linear estimate may lie where no camera or mirror can be: such a hypothesis is no candidate.
             self.fit_below(&next, Some(last), noise, SOLVER.candidate_steps, hopeless).ok()
         };
-        let fitted = |score: &&Score, hopeless: f64| {
+        let misfit = |f: &Option<Fit>| f.as_ref().map_or(f64::INFINITY, |f| f.misfit);
+        let fitted_alone = |score: &Score, hopeless: f64| {
             let no_worse = |fit: &Option<Fit>| {
                 fit.as_ref().is_some_and(|f| but.is_some() && f.misfit <= hopeless || f.misfit <= alone())
             };
@@ -100,8 +101,14 @@ impl Search<'_> {
             // Far from the linear model: where a zero is far off and the mounts compensate it, every observation
             // looks false at the estimate, and the fit does not move. From almost zero it converges.
             let again = fitted_from(score, NEXT_TO_NOTHING, hopeless);
-            let misfit = |f: &Option<Fit>| f.as_ref().map_or(f64::INFINITY, |f| f.misfit);
             if misfit(&again) < misfit(&fit) { again } else { fit }
+        };
+        let fitted = |score: &&Score, hopeless: f64| {
+            let fit = fitted_alone(score, hopeless);
+            let Some(next) = self.with_what_its_slips_took(&with(model, score, 1.0)) else { return fit };
+            let last = next.terms.len() - 1;
+            let other = self.fit_below(&next, Some(last), noise, SOLVER.candidate_steps, hopeless).ok();
+            if misfit(&other) < misfit(&fit) { other } else { fit }
         };
         // The others need not be fitted to convergence if they fall far behind the first, or behind what is there
         // already.

@@ -26,6 +26,7 @@ pub(super) mod scattered_joints;
 mod scored_model;
 pub(super) mod search;
 pub(super) mod simplify;
+mod slipped_mounts;
 pub(super) mod standing;
 mod tolerance_rounds;
 pub(super) mod transmission_errors;

@@ -254,14 +254,10 @@ impl FrameWork {
         if problem.cancel.is_cancelled() {
             return false;
         }
-        // A camera that differs between frames is built again for this one.
-        let own = if task.deformation.eye_varies() {
-            match problem.eye_in(task.deformation, frame) {
-                Ok(eye) => eye,
-                Err(_) => return false,
-            }
-        } else {
-            None
+        let varies = task.eye.filter(|_| task.deformation.eye_varies());
+        let own = match varies.map(|eye| eye.in_frame(task.deformation, frame)).transpose() {
+            Ok(own) => own,
+            Err(_) => return false,
         };
         let task = &Task { eye: own.as_ref().or(task.eye), ..*task };
         self.pose(problem, task.deformation, frame);
