@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import shutil
 from pathlib import Path
 
 import pytest
@@ -55,9 +56,20 @@ def test_apply_takes_what_diagnose_wrote(tmp_path: Path) -> None:
     ("words", "named"),
     [
         (["--without", "gremlins"], "gremlins"),
+        (["--without", "stition"], "needed one of stiction, "),
         (["--withhold", "marker:foot"], "marker:r_hand"),
+        (["--withhold", "l_hnd"], "needed one of marker:l_hand, "),
     ],
 )
 def test_what_cannot_be_meant_is_one_line_with_the_valid_names(words: list[str], named: str) -> None:
     code, said = run("diagnose", SESSION, *words)
     assert code == 1 and named in said
+
+
+@needs_data
+def test_of_several_sessions_the_one_with_an_error_is_told(tmp_path: Path) -> None:
+    folder = tmp_path / "broken"
+    shutil.copytree(SESSION, folder)
+    (folder / "frames.csv").write_text("frame\n0,1\n", encoding="utf-8")
+    code, said = run("diagnose", folder, SESSION)
+    assert code == 1 and str(folder) in said.replace("\n", "") and "frames.csv" in said, said

@@ -9,6 +9,7 @@ import numpy as np
 
 from .._core import MirrorPostureError
 from ..session import Session
+from ..session.errors import choices
 from ..session.types import Views
 
 PLACE = "marker:"
@@ -22,7 +23,7 @@ def marker_of_place(session: Session, place: str) -> str:
     """
     name = place.removeprefix(PLACE)
     if name not in session.marker_names:
-        valid = ", ".join(PLACE + known for known in session.marker_names)
+        valid = choices((PLACE + known for known in session.marker_names), got=PLACE + name)
         raise MirrorPostureError(f"withhold: got {place!r}, needed one of {valid}")
     return name
 

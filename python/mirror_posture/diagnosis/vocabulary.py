@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from .._core import MirrorPostureError, effects, mistakes
+from ..session.errors import choices
 
 BESIDE: Mapping[str, Mapping[str, object]] = {str(mistake["name"]): mistake for mistake in mistakes()}
 """Groups, faults of the data and gross mistakes, as the core describes them: `signature`, `remedy`,
@@ -16,6 +17,8 @@ IN_WORDS: Mapping[str, Mapping[str, object]] = {str(effect["name"]): effect for 
 `written_to`, `fed_forward`, `signature`, `shown_by`, `confused_with`."""
 EFFECTS = (*IN_WORDS, *BESIDE)
 """All names that a diagnosis accepts and reports."""
+MOST_LIKE = 8
+"""How many of them an error lists: the most like the one that was got."""
 
 
 def remedy(effect: str) -> str:
@@ -47,9 +50,10 @@ def checked_effects(names: Sequence[str]) -> list[str]:
     """The names, where all are of the vocabulary.
 
     Raises:
-        MirrorPostureError: an effect that is none; the message lists those that are.
+        MirrorPostureError: an effect that is none; the message lists those most like it.
     """
     for name in names:
         if name not in EFFECTS:
-            raise MirrorPostureError(f"without: got {name!r}, needed one of {', '.join(EFFECTS)}")
+            valid = choices(EFFECTS, MOST_LIKE, got=name)
+            raise MirrorPostureError(f"without: got {name!r}, needed one of {valid}")
     return list(names)

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from difflib import SequenceMatcher
 from pathlib import Path
 
 from .._core import MirrorPostureError
@@ -61,10 +62,12 @@ class Problems:
             raise self.found[0]
 
 
-def choices(names: object, limit: int = 40) -> str:
-    """The valid names as a message lists them, shortened where there are very many."""
+def choices(names: object, limit: int = 40, got: str | None = None) -> str:
+    """The valid names as a message lists them, shortened where there are very many; those most like `got` first."""
     listed = [str(name) for name in names]  # type: ignore[attr-defined]
     if not listed:
         return "none"
+    if got is not None:
+        listed.sort(key=lambda name: -SequenceMatcher(None, got, name).ratio())
     more = f", and {len(listed) - limit} more" if len(listed) > limit else ""
     return ", ".join(listed[:limit]) + more

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ..._core import MirrorPostureError
+from ...session.errors import SessionError
 from ..detected import load_detected
 from ..output import JsonOption, Output
 from ..told_diagnosis import OWN_FILES, show_diagnosis, write_results
@@ -118,7 +119,12 @@ def command(
         )
     documents: list[Mapping[str, Any]] = []
     for folder in sessions:
-        loaded = load_detected(output, folder, points_suffice=True)
+        try:
+            loaded = load_detected(output, folder, points_suffice=True)
+        except SessionError as error:
+            if len(sessions) == 1:
+                raise
+            raise MirrorPostureError(f"{folder}: {error}") from error
         target = out
         if out is not None and len(sessions) > 1:
             target = out / (folder.name or folder.resolve().name)

@@ -37,12 +37,12 @@ impl Effect for BoardScale {
         Some(About {
             at: PlaceKind::Board,
             law: "squares (1 + e) times as large",
-            remedy: "measure the board's squares again",
+            remedy: "measure the board's squares again; if they are right, multiply all lengths of the robot's model by 1/(1 + e): it may be the file of another size",
             written_to: WrittenTo::Session,
             joint_law: &[],
             signature: "the mirror seems too near or too far; markers grow or shrink with it",
             shown_by: "several distances",
-            confused_with: "`camera_focal`",
+            confused_with: "`camera_focal`; a model all of whose lengths are off by one factor",
         })
     }
 }
