@@ -170,7 +170,7 @@ pub(crate) fn with_setup<'a>(
     if odds < 0.0 {
         return Ok(None);
     }
-    if suffices(&search, &found)? {
+    if !all_displaced(&setup, &found.fit) && suffices(&search, &found)? {
         // The causes that were found so may be all that there is.
         let mut bare =
             Search { group: plain.group.clone(), options: plain.options.clone(), ..search.clone() };
