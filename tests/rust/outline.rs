@@ -62,7 +62,7 @@ fn exact_edges_give_the_exact_sphere_also_from_part_of_its_outline() {
     for share in [90, 50, 30] {
         let points: Vec<_> = pixels[..share]
             .iter()
-            .map(|p| EdgePoint { pixel: *p, std_px: 0.1, shared_std_px: 0.0, common_px: 0.0 })
+            .map(|p| EdgePoint { pixel: *p, std_px: 0.1, shared_std_px: 0.0, common_px: 0.0, lit_px: 0.0 })
             .collect();
         let near = fit_circle(&pixels[..share], 5.0, 40.0, 1.0).unwrap_or(start);
         let fit = fit_cone(&points, &near, &camera, 1.0).unwrap();
@@ -77,7 +77,7 @@ fn the_claimed_covariance_of_the_centroid_is_the_scatter() {
     let pixels = touching_pixels(&camera, Vector3::new(0.1, 0.06, 0.5), 0.02, 100);
     let exact: Vec<_> = pixels
         .iter()
-        .map(|p| EdgePoint { pixel: *p, std_px: 0.1, shared_std_px: 0.0, common_px: 0.0 })
+        .map(|p| EdgePoint { pixel: *p, std_px: 0.1, shared_std_px: 0.0, common_px: 0.0, lit_px: 0.0 })
         .collect();
     let start = fit_circle(&pixels, 5.0, 40.0, 1.0).unwrap();
     let truth = fit_cone(&exact, &start, &camera, 1.0).unwrap().centroid_px;
@@ -91,7 +91,13 @@ fn the_claimed_covariance_of_the_centroid_is_the_scatter() {
                 .iter()
                 .map(|p| {
                     let noise = Vector2::from_fn(|_, _| StandardNormal.sample(&mut rng)) * 0.1;
-                    EdgePoint { pixel: p.pixel + noise, std_px: 0.1, shared_std_px: 0.0, common_px: 0.0 }
+                    EdgePoint {
+                        pixel: p.pixel + noise,
+                        std_px: 0.1,
+                        shared_std_px: 0.0,
+                        common_px: 0.0,
+                        lit_px: 0.0,
+                    }
                 })
                 .collect();
             let fit = fit_cone(&noisy, &start, &camera, 1.0).unwrap();
@@ -117,7 +123,7 @@ fn what_one_cause_does_to_all_edges_is_in_the_covariance() {
             .map(|p| {
                 let common_px = 0.05 * outward(p).x.max(0.0).powi(2);
                 let pixel = p + outward(p) * (deviations * common_px);
-                EdgePoint { pixel, std_px: 0.02, shared_std_px: 0.0, common_px }
+                EdgePoint { pixel, std_px: 0.02, shared_std_px: 0.0, common_px, lit_px: 0.0 }
             })
             .collect()
     };

@@ -50,6 +50,8 @@ pub struct EdgePoint {
     pub shared_std_px: f64,
     /// How far one deviation of a cause that moves all edges of the ball moves this one, px, positive outward.
     pub common_px: f64,
+    /// The same of another cause: the light on the ball.
+    pub lit_px: f64,
 }
 
 /// How edges that were left out count in the covariance.
@@ -156,7 +158,7 @@ pub(super) fn fit_cone_from(
     let variance = scatter_share * whitened.iter().map(|r| r * r).sum::<f64>() / freedom
         * correlation_factor(&whitened).max(correlated_points);
     let mut normal = Matrix3::zeros();
-    let mut common = Vector3::zeros();
+    let (mut common, mut lit) = (Vector3::zeros(), Vector3::zeros());
     let mut shared = SMatrix::<f64, 3, { 2 * SHARED_HARMONICS }>::zeros();
     for i in members() {
         let row = distance_gradient(&rays[i], &parameters, scale) / points[i].std_px;
@@ -166,6 +168,7 @@ pub(super) fn fit_cone_from(
         let (turn, mut turned) = (Complex::new(away.x, away.y), Complex::new(1.0, 0.0));
         let moved = row * (points[i].shared_std_px / points[i].std_px);
         common += row * (points[i].common_px / points[i].std_px);
+        lit += row * (points[i].lit_px / points[i].std_px);
         for k in 0..SHARED_HARMONICS {
             shared.column_mut(2 * k).axpy(turned.re, &moved, 1.0);
             shared.column_mut(2 * k + 1).axpy(turned.im, &moved, 1.0);
@@ -177,7 +180,7 @@ pub(super) fn fit_cone_from(
         return None;
     }
     let inverse = normal.try_inverse()?;
-    let together = shared_information(&shared) + common * common.transpose();
+    let together = shared_information(&shared) + common * common.transpose() + lit * lit.transpose();
     let covariance = inverse * variance + inverse * together * inverse;
     let outline = cone_centroid(&parameters, camera)?;
     let doubt = if left_out.share > 0.0 {

@@ -55,6 +55,8 @@ pub(super) struct Edges {
     pub shared_std_px: Vec<f64>,
     /// Signed: one deviation of the camera's curve, less its mean, which does not move the centre.
     pub common_px: Vec<f64>,
+    /// As [`super::shading::Shading::toward_lamp`].
+    pub toward_lamp: Vector2<f64>,
     /// By how many of these deviations the channels show another curve; None where they do not determine it.
     pub curve_deviations: Option<f64>,
     /// Overshoot of the coverage, as a share of the step; 0 for none.
@@ -106,6 +108,7 @@ pub(super) fn edges_on_rays(patch: &Patch, sight: &Sight, blur: &Blur, look: Loo
             .map(|(e, blur)| if e.clipped { CLIPPED_SHARE * blur } else { 0.0 })
             .collect(),
         common_px: common_px(&edges),
+        toward_lamp: rays.toward_lamp,
         curve_deviations: deviations(edges.iter().filter(|e| e.found).map(|e| e.parted)),
         overshoot: overshoot(&edges),
         std_px: edges.iter().map(|e| e.std).collect(),

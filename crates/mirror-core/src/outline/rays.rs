@@ -5,6 +5,7 @@ use super::patch::Patch;
 use super::shading::Shading;
 use super::sight::{STEP_PX, Sight};
 use core::ops::{Deref, Range};
+use nalgebra::Vector2;
 
 /// The light on evenly spaced rays from a centre, around the outline expected on each.
 pub(super) struct Rays<'a> {
@@ -13,6 +14,8 @@ pub(super) struct Rays<'a> {
     colours: Vec<[f64; 3]>,
     luma: Vec<f64>,
     shade: Vec<f64>,
+    /// As [`Shading::toward_lamp`].
+    pub toward_lamp: Vector2<f64>,
 }
 
 impl Deref for Rays<'_> {
@@ -46,7 +49,7 @@ impl<'a> Rays<'a> {
             shade.extend(inner.map(|offset| shown(along(1.0 + offset / radius))));
             shade.resize(end, shown(along(1.0)));
         }
-        Self { sight, colours, luma, shade }
+        Self { sight, colours, luma, shade, toward_lamp: shading.toward_lamp() }
     }
 
     fn row(&self, ray: usize) -> Range<usize> {

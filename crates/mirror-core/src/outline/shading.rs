@@ -34,6 +34,10 @@ const LEAST_SLOPE: f64 = 0.05;
 const LEAST_LIGHT: f64 = 0.15;
 /// Least brightness of a place on the ball.
 const LEAST_BRIGHTNESS: f64 = 0.02;
+/// What the model leaves of a ball's light, as a share of it (RMS): paint and noise leave the first of these under soft
+/// light; where a lamp's light ends on the ball, the second is added (square by square), or more.
+const USUAL_MISFIT: f64 = 0.02;
+const LAMP_MISFIT: f64 = 0.04;
 /// Least spread of pixels around the fit, as a share of the ball's light.
 const LEAST_SPREAD: f64 = 0.02;
 
@@ -43,6 +47,8 @@ pub(super) struct Shading {
     terms: SVector<f64, TERMS>,
     /// Towards the lamp; zeros without a separate term.
     lamp: Vector3<f64>,
+    /// RMS of what the model leaves of the light, as a share of the light's; 0 where it was not fitted, or in levels.
+    misfit: f64,
 }
 
 /// The basis at a place on the disc (unit radius), the normal towards the camera where it lies within.
@@ -123,7 +129,15 @@ impl Shading {
     pub fn even() -> Self {
         let mut terms = SVector::zeros();
         terms[0] = 1.0;
-        Self { terms, lamp: Vector3::zeros() }
+        Self { terms, lamp: Vector3::zeros(), misfit: 0.0 }
+    }
+
+    /// Direction on the disc from which the ball is lit, times how much of a lamp's light the model does not hold, 0..1:
+    /// that of the brightness' slope in the disc's middle, times `√((m² − m₀²) / m₁²)`, m the share of the light that is left.
+    pub fn toward_lamp(&self) -> Vector2<f64> {
+        let slope = Vector2::new(self.terms[1] + self.terms[5], self.terms[2] + self.terms[6]);
+        let lamp = (self.misfit.powi(2) - USUAL_MISFIT.powi(2)) / LAMP_MISFIT.powi(2);
+        slope.try_normalize(1e-9).unwrap_or_else(Vector2::zeros) * lamp.clamp(0.0, 1.0).sqrt()
     }
 
     /// Linear brightness along a line from the disc's middle, by the distance in radii: the basis is there a polynomial in the distance and in the normal's
@@ -211,7 +225,7 @@ impl Shading {
         let shares: Vec<f64> = pixels.light().iter().map(share).collect();
         let mut weights = shares.clone();
         let mut sizes = Vec::with_capacity(pixels.count);
-        let mut found = Self { terms: SVector::zeros(), lamp: Vector3::zeros() };
+        let mut found = Self { terms: SVector::zeros(), lamp: Vector3::zeros(), misfit: 0.0 };
         for round in 0..REWEIGHTINGS {
             if levels && round + WITH_LAMP == REWEIGHTINGS {
                 let slope = Vector3::new(found.terms[1], found.terms[2], found.terms[3]);
@@ -251,6 +265,11 @@ impl Shading {
             for ((weight, square), share) in weights.iter_mut().zip(&squares).zip(&shares) {
                 *weight = share / (1.0 + square / variance).powi(2);
             }
+        }
+        if !levels {
+            let rest = pixels.rest(&found.terms);
+            let power: f64 = pixels.light().iter().map(|light| light * light).sum();
+            found.misfit = (rest.iter().map(|left| left * left).sum::<f64>() / power.max(1e-9)).sqrt();
         }
         found.terms.iter().all(|t| t.is_finite()).then_some(found)
     }
