@@ -95,7 +95,13 @@ pub(crate) fn weighed<'a>(
         let left =
             if no_smaller { "the held-out gap no smaller" } else { "nearly all of a gap that has no place" };
         found.trace.push(format!("no cause is named: together they leave {left}"));
-        found.fit = search.fit(nominal, found.noise, SOLVER.loose_steps)?;
+        // The scatter that the causes left is not that of the nominal model: at it everything would look false.
+        let mut alone = nominal.clone();
+        for _ in 0..2 {
+            found.noise = search.effective(&alone)?;
+            found.fit = search.fit(&alone, found.noise, SOLVER.loose_steps)?;
+            alone.clone_from(&found.fit.model);
+        }
         (geometry, after) = (None, nominal_gap.clone());
         standings.clear();
     }

@@ -70,7 +70,7 @@ pub(crate) const EVERYWHERE: [MistakeInfo; 14] = [
     ),
     mistake(
         "joint_late",
-        "a column, or all, fit the rows before",
+        "a column, or all, fit the rows before; all fit the rows behind where the measurements are late (a negative delay)",
         "log each row's positions at the moment of its picture, and record again",
         WrittenTo::Nothing,
     ),

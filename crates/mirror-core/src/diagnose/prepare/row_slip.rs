@@ -73,8 +73,8 @@ pub(crate) fn find(problem: &Problem, noise: Noise) -> Result<Option<Slip>> {
             }
         }
     }
-    // If it is nearly all rows, the log is late: found as a gross mistake, or not known.
-    let nearly_all = |b: &Slip| b.shift > 0 && (b.last + 1 - b.first) as f64 >= NEARLY_ALL * frames as f64;
+    // If it is nearly all rows, the log is late, or the measurements are: found as a gross mistake, or not known.
+    let nearly_all = |b: &Slip| (b.last + 1 - b.first) as f64 >= NEARLY_ALL * frames as f64;
     Ok(best.filter(|b| !nearly_all(b)))
 }
 

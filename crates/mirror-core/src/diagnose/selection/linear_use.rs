@@ -5,8 +5,8 @@
 //! the parameters without any region and without any cause.
 //!
 //! What is no part of the robot (the size of the board's squares, the focal length) small errors everywhere can imitate
-//! on held-out regions, too, but only if they are larger by much. Such a cause is kept where the evidence says so, the
-//! scales estimated with and without it.
+//! on held-out regions, too, but only if they are larger by much. So they can one of them that is large: a zero by a degree is
+//! shared out among its neighbours. Such a cause is kept where the evidence says so, the scales estimated with and without it.
 
 use crate::diagnose::criteria::cross_validation::{PostureGap, gap_of, seen_size};
 use crate::diagnose::criteria::regions::{frames_of, regions};
@@ -63,11 +63,13 @@ pub(super) fn drop_useless_beside(
         let least = least_gain(catalogue.effect(hypothesis));
         let rest: Vec<usize> = set.iter().copied().filter(|c| *c != set[at]).collect();
         let without = gap_with(&rest)?;
+        // What small errors everywhere can imitate: what is no part of the robot, and one of them that is large.
+        let is_imitated = place.node().is_none() || geometry.holds(catalogue, &model.terms[set[at]]);
         let leaves_smaller_errors = || {
             let ahead = by_evidence(&set).zip(by_evidence(&rest)).map(|(with, without)| with - without);
             ahead.is_some_and(|ahead| TEMPER * ahead > LEAST_LOG_ODDS)
         };
-        let is_needed = without >= with * (1.0 + least) || place.node().is_none() && leaves_smaller_errors();
+        let is_needed = without >= with * (1.0 + least) || is_imitated && leaves_smaller_errors();
         if is_needed {
             at += 1;
         } else {

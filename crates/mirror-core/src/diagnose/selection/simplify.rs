@@ -3,8 +3,9 @@
 
 use crate::diagnose::criteria::cross_validation::{PostureGap, held_out, in_sample, seen_size, size};
 use crate::diagnose::effects::hypothesis::{Model, Term};
-use crate::diagnose::likelihood::fit::Group;
-use crate::diagnose::principles::{LEAST_HELD_OUT_GAIN, NEARLY_ALL};
+use crate::diagnose::likelihood::fit::{FitOptions, Group};
+use crate::diagnose::model::solver::SOLVER;
+use crate::diagnose::principles::{LEAST_HELD_OUT_GAIN, LEAST_LOG_ODDS, NEARLY_ALL, TEMPER};
 use crate::diagnose::random_effects::geometric_tolerances::Geometry;
 use crate::diagnose::selection::linear_search::by_linear_models;
 use crate::diagnose::selection::linear_use::{drop_useless_beside, least_gain};
@@ -88,7 +89,9 @@ pub(crate) fn drop_useless(
             continue;
         }
         let gap = search.held_out(&without.model, found.noise)?;
-        if seen_size(&gap) < seen_size(after) * (1.0 + least) {
+        if seen_size(&gap) < seen_size(after) * (1.0 + least)
+            && TEMPER * ahead_of_member(beside, search, found, (i, &rest))? <= LEAST_LOG_ODDS
+        {
             let name = search.catalogue.name(&search.problem.scene, found.fit.model.terms[i].hypothesis);
             found.trace.push(format!("drop {name}: no gain on held-out regions"));
             found.fit = without;
@@ -133,6 +136,25 @@ pub(crate) fn named_for_little(
 /// credibly.
 fn stands_out_of(beside: Option<&Geometry>, search: &Search<'_>, term: &Term) -> bool {
     beside.is_some_and(|group| group.setup_only && group.holds(search.catalogue, term))
+}
+
+/// By how much a cause is more probable beside the small errors everywhere than as one of them, whose scales are then estimated
+/// again: many small errors imitate one that is large on held-out regions too, but only if all are larger. Nothing where these have
+/// no such member.
+fn ahead_of_member(
+    beside: Option<&Geometry>,
+    search: &Search<'_>,
+    found: &Found,
+    (i, rest): (usize, &Model),
+) -> Result<f64> {
+    let holds = |group: &&Geometry| group.holds(search.catalogue, &found.fit.model.terms[i]);
+    let Some(group) = beside.filter(holds) else { return Ok(f64::NEG_INFINITY) };
+    let mut group = group.clone();
+    let options = FitOptions { noise: found.noise, steps: SOLVER.loose_steps };
+    let fit = group.fit(&search.problem, search.catalogue, rest, options, search.mask)?;
+    let without = Search { group: group.group, ..search.clone() };
+    let with = search.fit(&found.fit.model, found.noise, SOLVER.loose_steps)?;
+    Ok(search.log_posterior(&with) - without.log_posterior(&fit))
 }
 
 /// The held-out gap of the named causes alone, because free-form errors cannot be added to a model. A cause that by

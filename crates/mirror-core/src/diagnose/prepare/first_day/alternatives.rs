@@ -2,7 +2,8 @@
 
 use super::exchanges::source;
 use super::misfit::{LEAST_FALL, Misfit, Work};
-use super::mistake::{LateKind, Mistake, UNITS};
+use super::mistake::{LENGTH_UNITS, LateKind, Mistake, UNITS, is_unit};
+use super::placed::Placed;
 use super::variant::{Variant, seen_joints};
 use crate::diagnose::model::body::NodeId;
 use crate::diagnose::model::problem::{Observation, Problem, Seen};
@@ -76,7 +77,8 @@ impl<'a> Session<'a> {
             let (low, high) = range(&variant.column(joint));
             let reach = if self.turns(node) { self.problem.scene.reach_m } else { 1.0 };
             let still_moves = |factor: &&f64| (high - low) * **factor * reach > self.misfit.usual_m;
-            let units = UNITS.iter().chain(&FACTORS).filter(still_moves);
+            let units: &[f64] = if self.turns(node) { &UNITS } else { &LENGTH_UNITS };
+            let units = units.iter().chain(&FACTORS).filter(still_moves);
             out.extend(units.map(|&factor| Mistake::JointUnit { joint, factor }));
         }
         for (i, &(a, _)) in moving.iter().enumerate() {
@@ -172,6 +174,11 @@ impl<'a> Session<'a> {
                 out.push(Mistake::Late { joint, rows, kind: LateKind::Blend });
             }
         }
+        // Where the measurements are late, all columns are early.
+        let parts = if finely { LATE_PARTS_OF_ALL } else { LATE_PARTS };
+        let early = (1..=LATE_ROWS).map(|rows| rows as f64);
+        let early = early.chain((1..parts).map(|part| part as f64 / parts as f64));
+        out.extend(early.map(|rows| Mistake::Late { joint: None, rows: -rows, kind: LateKind::Follow }));
         out
     }
 
@@ -186,18 +193,43 @@ impl<'a> Session<'a> {
         out
     }
 
+    /// The same where the frame of measured points, and unknown mounts, are known.
+    fn losses_where(&self, placed: &Placed, variant: &Variant) -> Vec<(f64, usize)> {
+        let mut work = Work::new(self.problem);
+        work.placed = Some(placed.clone());
+        let mut of = |frame: usize| {
+            let mut out = (0.0, 0);
+            self.misfit.of_frame(&mut work, variant, frame, |_, size_m| {
+                out = (out.0 + self.misfit.loss(size_m), out.1 + 1);
+            });
+            out
+        };
+        (0..self.problem.frames.len()).map(&mut of).collect()
+    }
+
     /// Names of two markers exchanged: in the frames that are clearly better so.
     pub fn of_labels(&self, variant: &Variant) -> Vec<Mistake> {
         let markers = self.problem.marker_sites.len();
-        let own = self.frame_losses(variant);
+        let all: Vec<usize> = (0..self.problem.frames.len()).collect();
+        // Unknown mounts would be exchanged with the names, and nothing gained; they are those of most frames.
+        let placed = self.misfit.placed(variant, &all);
+        let losses = |variant: &Variant| match &placed {
+            Some(placed) => self.losses_where(placed, variant),
+            None => self.frame_losses(variant),
+        };
+        let (own, again) = (losses(variant), placed.is_some().then(|| self.frame_losses(variant)));
         let mut out = Vec::new();
         for b in 0..markers {
             for a in 0..b {
                 let mut swapped = variant.clone();
                 (0..swapped.labels.len()).for_each(|f| swapped.exchange_labels(f, (a, b)));
-                let other = self.frame_losses(&swapped);
-                let mut frames: Vec<usize> =
-                    (0..own.len()).filter(|&f| own[f].0 - other[f].0 > CLEAR).collect();
+                let gains = |own: &[(f64, usize)], other: &[(f64, usize)]| -> Vec<usize> {
+                    (0..own.len()).filter(|&f| own[f].0 - other[f].0 > CLEAR).collect()
+                };
+                let mut frames = gains(&own, &losses(&swapped));
+                if let Some(again) = again.as_ref().filter(|_| frames.len() < 2) {
+                    frames = gains(again, &self.frame_losses(&swapped));
+                }
                 let seen: Vec<usize> = (0..own.len()).filter(|&f| shows(self.problem, f, a, b)).collect();
                 // If both places look alike a frame gives no information; so a share that is nearly all counts as
                 // all.
@@ -224,8 +256,7 @@ impl<'a> Session<'a> {
             let other = self.frame_losses(&shifted);
             let gains: Vec<f64> = own.iter().zip(&other).map(|(a, b)| a.0 - b.0).collect();
             if let Some((first, last)) = best_run(&gains).filter(|(a, b)| b - a + 1 >= FEWEST_FRAMES) {
-                let all = (last + 1 - first) as f64 >= NEARLY_ALL * count as f64;
-                if all && shift > 0 {
+                if (last + 1 - first) as f64 >= NEARLY_ALL * count as f64 {
                     continue;
                 }
                 out.push(Mistake::Rows { first, last, shift });
@@ -350,7 +381,7 @@ impl<'a> Session<'a> {
                 let is_right = (best - right).abs() < NEARLY_RIGHT;
                 of(if is_right && loss(&of(right)) <= loss(&of(best)) + LEAST_FALL { right } else { best })
             }
-            Mistake::JointUnit { joint, factor } if !UNITS.contains(&factor) => {
+            Mistake::JointUnit { joint, factor } if !is_unit(factor) => {
                 let of = |factor| Mistake::JointUnit { joint, factor };
                 of(least(factor * 0.8, factor * 1.25, |x| loss(&of(x))))
             }
@@ -358,10 +389,11 @@ impl<'a> Session<'a> {
                 let of = |factor| Mistake::Squares { factor };
                 of(least(factor / SQUARES_STEP, factor * SQUARES_STEP, |x| loss(&of(x))))
             }
-            Mistake::Late { joint, rows, kind } if rows < 1.0 => {
+            Mistake::Late { joint, rows, kind } if rows.abs() < 1.0 => {
                 let of = |rows| Mistake::Late { joint, rows, kind };
                 let part = 1.0 / LATE_PARTS as f64;
-                of(least((rows - part).max(0.01), (rows + part).min(0.99), |x| loss(&of(x))))
+                let (low, high) = if rows < 0.0 { (-0.99, -0.01) } else { (0.01, 0.99) };
+                of(least((rows - part).max(low), (rows + part).min(high), |x| loss(&of(x))))
             }
             Mistake::Late { joint, rows, .. } => {
                 // Late by more than a row: between the rows next to the best whole one.
@@ -370,8 +402,9 @@ impl<'a> Session<'a> {
                     let best = of(least(from + 0.01, from + 0.99, |x| loss(&of(x))));
                     (loss(&best), best)
                 };
-                let kinds = [LateKind::Follow, LateKind::Blend];
-                let tried = kinds.into_iter().flat_map(|kind| [(kind, rows - 1.0), (kind, rows)]);
+                let blend = (rows > 0.0).then_some(LateKind::Blend);
+                let kinds = core::iter::once(LateKind::Follow).chain(blend);
+                let tried = kinds.flat_map(|kind| [(kind, rows - 1.0), (kind, rows)]);
                 let best = core::iter::once((loss(mistake) * (1.0 - WORTH_A_PART), mistake.clone()))
                     .chain(tried.map(between))
                     .min_by(|a, b| a.0.total_cmp(&b.0));

@@ -2,7 +2,7 @@
 //! another.
 
 use super::alternatives::Session;
-use super::misfit::{LEAST_FALL, Misfit};
+use super::misfit::{GROSS, LEAST_FALL, Misfit};
 use super::mistake::Mistake;
 use super::mounts;
 use super::undone::{Undone, arranged_again};
@@ -18,8 +18,6 @@ use rayon::prelude::*;
 pub(super) const FRAMES: Size = 64;
 /// How many of the best chains of mistakes are gone on from and verified.
 pub(super) const BEAM: Size = 4;
-/// A mean loss below this is that of small errors: nothing is gross.
-const GROSS: Threshold = 0.12;
 /// The same for the marker that is farthest off: one of several may be on another link.
 const GROSS_OF_ONE: Threshold = 2.0 * GROSS;
 /// The share that makes a gap, by which the mean loss must fall too.

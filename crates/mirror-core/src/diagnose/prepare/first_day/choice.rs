@@ -105,26 +105,28 @@ pub(super) fn chosen(
     let probability = against(&others);
     let of = |i: usize| probability * (TEMPER * (log_odds[i] - log_odds[best])).exp();
     let small = fits[0].as_ref().and_then(Tolerant::largest);
+    // A chain of one mistake that is not out of the question, as it would be reported.
+    let alone = |i: usize| {
+        let one = tried[i].mistakes.first().filter(|_| tried[i].mistakes.len() == 1);
+        let causes = one.map(|m| reported(m, &session.robot, &session.recording, &session.problem, of(i)));
+        let causes = causes.into_iter().flatten().filter(|c| c.probability >= UNTHOUGHT_OF);
+        let told = |c: Cause| Alternative { effect: c.effect, at: c.at, probability: c.probability };
+        causes.map(told).collect::<Vec<_>>()
+    };
     if best == 0 {
-        let doubts = |(small, i): (&(String, String), usize)| {
-            let one = tried[i].mistakes.first().filter(|_| tried[i].mistakes.len() == 1);
-            let causes =
-                one.map(|m| reported(m, &session.robot, &session.recording, &session.problem, of(i)));
-            let causes = causes.into_iter().flatten().filter(|c| c.probability >= UNTHOUGHT_OF);
-            let doubt = |c: Cause| Doubt {
-                of: small.clone(),
-                mistake: Alternative { effect: c.effect, at: c.at, probability: c.probability },
-            };
-            causes.map(doubt).collect::<Vec<_>>()
-        };
-        let doubts = small.iter().flat_map(|s| (1..tried.len()).map(move |i| (s, i))).flat_map(doubts);
+        let mistakes = (1..tried.len()).flat_map(alone);
+        let doubts = mistakes.filter_map(|mistake| Some(Doubt { of: small.clone()?, mistake }));
         return Ok(Choice { doubts: doubts.collect(), ..Choice::none() });
     }
-    let instead = small
+    let mut instead: Vec<Alternative> = small
         .filter(|_| of(0) >= UNTHOUGHT_OF)
         .map(|(effect, at)| Alternative { effect, at, probability: of(0) })
         .into_iter()
         .collect();
+    if mistakes.len() == 1 {
+        instead.extend((1..tried.len()).filter(|&i| i != best).flat_map(alone));
+        instead.sort_by(|a, b| b.probability.total_cmp(&a.probability));
+    }
     Ok(Choice { mistakes, probability, instead, doubts: Vec::new() })
 }
 

@@ -1,7 +1,7 @@
 //! The parameters of a mistake that are estimated again together with the causes: a zero, a ratio, a delay, a crop, a
 //! slip's motion.
 
-use super::mistake::{Mistake, UNITS, in_time};
+use super::mistake::{Mistake, in_time, is_unit};
 use super::reported::{MOTION, row_step_s, what_slipped};
 use super::variant::{Variant, seen_joints};
 use crate::diagnose::data::recording::Recording;
@@ -48,7 +48,7 @@ impl Mistake {
             Self::Zero { joint, .. } => of_joints(Some(joint))
                 .map(|one| of(one, Weight::One, FIRST_ESTIMATE_STD, "joint_offset", "offset_rad", 1.0))
                 .collect(),
-            Self::JointUnit { joint, factor } if !UNITS.contains(&factor) => of_joints(Some(joint))
+            Self::JointUnit { joint, factor } if !is_unit(factor) => of_joints(Some(joint))
                 .map(|one| {
                     of(one, Weight::Position(one.1), FIRST_ESTIMATE_STD, "gear_ratio", "scale_error", factor)
                 })

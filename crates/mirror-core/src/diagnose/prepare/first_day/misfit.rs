@@ -25,6 +25,8 @@ const USUAL_BOUNDS_M: (f64, f64) = (0.006, 0.03);
 /// Factor by which the mean loss must fall with each mistake. If little is left and the verification decides, a
 /// quarter of it.
 pub(super) const LEAST_FALL: Threshold = 0.03;
+/// A mean loss below this is that of small errors: nothing is gross.
+pub(super) const GROSS: Threshold = 0.12;
 /// Number of mirrors that are cached for a frame: chains of mistakes need the same positions between camera and
 /// board repeatedly.
 const MOST_REMEMBERED: Size = 64;

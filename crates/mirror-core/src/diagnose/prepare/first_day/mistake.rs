@@ -19,9 +19,17 @@ use nalgebra::{Rotation3, Vector2, Vector3, Vector6};
 pub(super) const UNITS: [f64; 9] =
     [PI / 180.0, PI, TAU, PI / 1800.0, PI / 18000.0, TAU / 4096.0, TAU / 1024.0, TAU / 16384.0, 1e-3];
 
+/// The same of a joint that slides: millimetres, centimetres, decimetres, and metres where the model has these.
+pub(super) const LENGTH_UNITS: [f64; 6] = [1e-3, 1e-2, 0.1, 10.0, 100.0, 1000.0];
+
 /// The unit that a column is in whose factor is this, within so much of it.
 pub(crate) fn unit_near(factor: f64, within: f64) -> Option<f64> {
     UNITS.into_iter().find(|unit| (unit - factor).abs() < within)
+}
+
+/// Whether a factor is that of another unit.
+pub(super) fn is_unit(factor: f64) -> bool {
+    UNITS.contains(&factor) || LENGTH_UNITS.contains(&factor)
 }
 
 /// A mistake, by indices of the robot's independent joints and of the recording's markers.
@@ -39,7 +47,7 @@ pub(crate) enum Mistake {
     AllUnits { factor: f64 },
     /// A wrong zero too large for a small error, rad: added to the column.
     Zero { joint: usize, offset: f64 },
-    /// The column contains earlier rows' positions; none means all joints.
+    /// The column contains earlier rows' positions, or by a negative number later ones; no joint means all.
     Late { joint: Option<usize>, rows: f64, kind: LateKind },
     /// The log stands still over a run of rows: the commands there are unknown.
     LogFrozen { joint: usize, first: usize, last: usize },
@@ -247,7 +255,7 @@ impl Mistake {
             | Self::JointsSwapped { .. }
             | Self::ColumnsSwapped { .. }
             | Self::AllUnits { .. } => true,
-            Self::JointUnit { factor, .. } => UNITS.contains(factor),
+            Self::JointUnit { factor, .. } => is_unit(*factor),
             Self::Zero { offset, .. } => (offset / FRAC_PI_2).fract() == 0.0,
             _ => false,
         }
@@ -319,8 +327,10 @@ impl Mistake {
             Self::Late { joint, rows, kind } => {
                 let lost = (rows.abs().ceil() as usize).min(frames);
                 // A mixture is undone from one end; the error of the start decays over some rows.
-                let at_start = if kind == LateKind::Blend { BLEND_ROWS.min(frames) } else { 0 };
-                let end = (frames - lost..frames).map(|f| (f, joint));
+                let blended = if kind == LateKind::Blend { BLEND_ROWS.min(frames) } else { 0 };
+                // Of an early column the positions of the first rows are not in the log.
+                let (at_start, at_end) = if rows < 0.0 { (lost, 0) } else { (blended, lost) };
+                let end = (frames - at_end..frames).map(|f| (f, joint));
                 (0..at_start).map(|f| (f, joint)).chain(end).collect()
             }
             _ => Vec::new(),

@@ -1,7 +1,8 @@
 //! Markers that are fixed to another body than the model says: their place on it, from all of their observations.
 
-use super::misfit::{Misfit, Work};
+use super::misfit::{GROSS, Misfit, Work};
 use super::mistake::Mistake;
+use super::placed::{Placed, PointSeen};
 use super::variant::Variant;
 use crate::diagnose::data::recording::Via;
 use crate::diagnose::model::body::Site;
@@ -25,20 +26,70 @@ pub(super) fn elsewhere(
     variant: &Variant,
     frames: &[usize],
 ) -> Vec<Mistake> {
-    let mut out = Vec::new();
     if problem.unknown_frame.is_some() {
-        return out;
+        return elsewhere_in_unknown_frame(problem, misfit, variant, frames);
     }
+    let mut out = Vec::new();
     for marker in 0..problem.marker_sites.len() {
-        let own = problem.marker_sites[marker].node;
-        let nodes = (0..problem.scene.nodes()).map(Some).chain([None]);
-        let moves = |n: usize| problem.scene.relevant[n] || problem.scene.moves(n);
-        // Also on a link whose joint, as the model has the markers, moves none of them.
-        for node in nodes.filter(|n| *n != own && n.is_none_or(&moves)) {
-            let site = Site { node, node_from_site: Pose::identity() };
+        for site in other_bodies(problem, marker) {
+            let node = site.node;
             let sights = sights(problem, misfit, variant, frames, marker, &site);
             if let Some(place) = closest(&sights, misfit.usual_m) {
                 out.push(Mistake::MarkerParent { marker, node, place });
+            }
+        }
+    }
+    out
+}
+
+/// The bodies that a marker may be fixed to by mistake, also those whose joint, as the model has the markers, moves none of them.
+fn other_bodies(problem: &Problem, marker: usize) -> impl Iterator<Item = Site> + '_ {
+    let own = problem.marker_sites[marker].node;
+    let nodes = (0..problem.scene.nodes()).map(Some).chain([None]);
+    let moves = |n: usize| problem.scene.relevant[n] || problem.scene.moves(n);
+    nodes
+        .filter(move |n| *n != own && n.is_none_or(moves))
+        .map(|node| Site { node, node_from_site: Pose::identity() })
+}
+
+/// The same where the frame of the measured points is unknown: it is estimated again with each body, on which the marker may be
+/// anywhere. Only markers that are far off are looked for.
+fn elsewhere_in_unknown_frame(
+    problem: &Problem,
+    misfit: &Misfit<'_>,
+    variant: &Variant,
+    frames: &[usize],
+) -> Vec<Mistake> {
+    let points = misfit.points(variant, frames);
+    let placed = misfit.placed_by(&points);
+    let is_off = |marker: usize| {
+        let own = || points.iter().filter(|p| p.marker == marker);
+        let loss: f64 = own().map(|p| misfit.loss(placed.distance(p))).sum();
+        loss > GROSS * own().count() as f64 && own().count() >= FEWEST_OBSERVATIONS
+    };
+    let mut out = Vec::new();
+    let mut work = Work::new(problem);
+    for marker in (0..problem.marker_sites.len()).filter(|&m| is_off(m)) {
+        let mut known = problem.scene.mount_known.clone();
+        known[marker] = false;
+        let sites: Vec<Site> = other_bodies(problem, marker).collect();
+        let mut on_each: Vec<Vec<PointSeen>> = vec![points.clone(); sites.len()];
+        let mut posed = None;
+        for (i, point) in points.iter().enumerate().filter(|(_, p)| p.marker == marker) {
+            if posed != Some(point.frame) {
+                misfit.pose(&mut work, variant, point.frame);
+                posed = Some(point.frame);
+            }
+            let root = work.frame.world_from_site(&problem.scene.body.root).inverse();
+            for (points, site) in on_each.iter_mut().zip(&sites) {
+                points[i].mount = root.then(&work.frame.world_from_site(site));
+                points[i].local = Vector3::zeros();
+            }
+        }
+        for (points, site) in on_each.iter().zip(sites) {
+            let place = Placed::by(points, &known, misfit.usual_m).shifts[marker];
+            if place.iter().all(|x| x.is_finite()) {
+                out.push(Mistake::MarkerParent { marker, node: site.node, place });
             }
         }
     }

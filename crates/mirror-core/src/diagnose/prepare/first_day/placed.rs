@@ -10,6 +10,7 @@ use nalgebra::{Matrix3, Matrix3x6, Matrix6, Matrix6x3, Vector3, Vector6};
 const SHARED: Guard = 1e-6;
 
 /// A measured point of a frame, and where on its mount the model has the marker.
+#[derive(Clone)]
 pub(super) struct PointSeen {
     pub frame: usize,
     pub marker: usize,

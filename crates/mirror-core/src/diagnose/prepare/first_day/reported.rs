@@ -1,7 +1,7 @@
 //! A mistake in the public vocabulary: effect, place, parameters, and a sentence for the reader.
 
 use super::alternatives::seen_in;
-use super::mistake::{LateKind, Mistake, UNITS};
+use super::mistake::{Mistake, is_unit};
 use crate::diagnose::data::diagnosis::{Cause, Estimate};
 use crate::diagnose::data::recording::Recording;
 use crate::diagnose::model::problem::Problem;
@@ -68,7 +68,7 @@ pub(super) fn reported(
             let words = "several columns, or servos' cables, changed places: exchange them one after the other, as they are listed";
             pairs.iter().map(|pair| swapped(*pair, words)).collect()
         }
-        Mistake::JointUnit { joint: j, factor } if UNITS.contains(factor) => {
+        Mistake::JointUnit { joint: j, factor } if is_unit(*factor) => {
             vec![cause("joint_unit", joint(*j), &[("factor", *factor, 0.0)], "the column is in another unit")]
         }
         Mistake::JointUnit { joint: j, factor } => vec![cause(
@@ -89,7 +89,7 @@ pub(super) fn reported(
             &[("offset_rad", *offset, REFINED_STD)],
             "the joint's zero lies far from the model's",
         )],
-        Mistake::Late { joint: j, rows, kind } => {
+        Mistake::Late { joint: j, rows, .. } => {
             let at = j.map_or_else(|| "robot".to_owned(), joint);
             let step = row_step_s(recording);
             let std = if rows.fract() == 0.0 { 0.1 } else { 2.0 * REFINED_STD };
@@ -97,11 +97,12 @@ pub(super) fn reported(
                 Some(step) => ("delay_s", rows * step, std * step),
                 None => ("delay_rows", *rows, std),
             };
-            let words = match kind {
-                LateKind::Blend | LateKind::Follow if j.is_some() => {
-                    "the column holds an earlier moment's position"
+            let words = match j {
+                Some(_) => "the column holds an earlier moment's position",
+                None if *rows < 0.0 => {
+                    "the joints' log holds a later moment's positions: pictures or measured points are late"
                 }
-                _ => "the joints' log holds an earlier moment's positions",
+                None => "the joints' log holds an earlier moment's positions",
             };
             vec![cause("joint_late", at, &[parameter], words)]
         }
