@@ -17,7 +17,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from .errors import BlindError
+from .errors import BlindError, UnstableError
 from .robots import Robot
 from .truth import Commands, Truth
 
@@ -226,7 +226,7 @@ class Body:
                 self._step(at, qpos, columns, free, widest)
             rate = np.abs(self.data.qpos[moving] - before).max() / (SETTLE_CHUNK_STEPS * TIMESTEP_S)
             if not np.isfinite(rate):
-                raise BlindError("the simulated body became unstable")
+                raise UnstableError("the simulated body became unstable")
             if rate < SETTLED_RAD_PER_S:
                 return True
         return False

@@ -1,4 +1,4 @@
-"""The one exception of the blind check."""
+"""The exceptions of the blind check."""
 
 
 class BlindError(ValueError):
@@ -7,3 +7,7 @@ class BlindError(ValueError):
 
 class NoPlaceError(BlindError):
     """No place is left on the drawn robot for a drawn effect."""
+
+
+class UnstableError(BlindError):
+    """The simulated body of a draw never comes to rest."""

@@ -15,7 +15,7 @@ import numpy as np
 
 from .accidents import ACCIDENTS
 from .effects import VOCABULARY
-from .errors import NoPlaceError
+from .errors import NoPlaceError, UnstableError
 from .identify import judge
 from .mistakes import kinds_for
 from .mounting import NOT_BESIDE
@@ -140,8 +140,8 @@ def _make(job: _Job) -> str:
         try:
             case = simulate(job.name, kind, draws, rng, job.options)
             break
-        except NoPlaceError:
-            # Three springs on an arm with two loaded joints: this robot cannot have them, another draw is taken.
+        except (NoPlaceError, UnstableError):
+            # Three springs on an arm with two loaded joints: this robot cannot have them, or not stand with them; another draw is taken.
             if job.planned is not None or attempt == ATTEMPTS - 1:
                 raise
     judged = case

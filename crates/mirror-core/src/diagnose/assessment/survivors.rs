@@ -14,12 +14,17 @@ use crate::diagnose::assessment::noise_floor::is_reached;
 use crate::diagnose::assessment::stability::{RESAMPLES, stability};
 use crate::diagnose::criteria::cross_validation::held_out;
 use crate::diagnose::criteria::lack_of_fit::adequacy;
+use crate::diagnose::effects::hypothesis::{Model, Term};
 use crate::diagnose::likelihood::fit::FitOptions;
+use crate::diagnose::likelihood::probability::tempered;
 use crate::diagnose::likelihood::score_test::Score;
 use crate::diagnose::principles::{MAJORITY, TEMPER, WORTH_NAMING};
 use crate::diagnose::random_effects::geometric_tolerances::Geometry;
 use crate::diagnose::selection::alternatives::held_out_odds;
+use crate::diagnose::selection::large_members::choose_members;
+use crate::diagnose::selection::linear_search::by_linear_models;
 use crate::diagnose::selection::nonparametric::unexplained;
+use crate::diagnose::selection::standing::Standing;
 use crate::error::Result;
 
 /// Removes the causes that are neither stable nor needed for prediction, the least stable first.
@@ -54,10 +59,15 @@ pub(crate) fn keep_survivors(findings: &mut Findings<'_>, ranking: &[Score]) -> 
             gone.push(i);
         }
     }
+    let of_group = !gone.is_empty() && chosen_again(findings)?;
     gone.sort_unstable();
     for i in gone.into_iter().rev() {
         shares.remove(i);
         alone.remove(i);
+    }
+    if of_group {
+        shares.push(None);
+        alone.push(None);
     }
     let remainder = findings.unexplained.is_some();
     for (standing, (share, alone)) in findings.standings.iter_mut().zip(shares.into_iter().zip(alone)) {
@@ -67,11 +77,40 @@ pub(crate) fn keep_survivors(findings: &mut Findings<'_>, ranking: &[Score]) -> 
         }
         // What every resample finds again is not limited by how many there are.
         if alone < 1.0 {
-            standing.probability = standing.probability.min(bagged(alone));
+            standing.limited(bagged(alone), (share - alone).max(0.0) / (1.0 - alone));
         }
     }
     told_as_members(findings);
     Ok(())
+}
+
+/// Chooses a cause among the small errors everywhere again, where those that were removed are all among them: resamples may find none
+/// of several that share out one which is large. Whether there is one.
+fn chosen_again(findings: &mut Findings<'_>) -> Result<bool> {
+    let Some(mut group) = findings.geometry.clone().filter(|group| !group.setup_only) else {
+        return Ok(false);
+    };
+    let catalogue = findings.search.catalogue;
+    let terms = findings.found.fit.model.terms.len();
+    let other = |t: &Term| group.holds(catalogue, t) || catalogue.is_free(t.hypothesis);
+    if findings.found.fit.model.terms.iter().any(other)
+        || by_linear_models(&findings.search.problem, Some(&group)).is_some()
+    {
+        return Ok(false);
+    }
+    let nominal = Model::nominal(&findings.search.problem);
+    let (mut search, mut found) = (findings.search.clone(), findings.found.clone());
+    let Some(odds) = choose_members((&mut search, &mut group), &mut found, &nominal)? else {
+        return Ok(false);
+    };
+    // Of one alone the odds are known.
+    if found.fit.model.terms.len() != terms + 1 {
+        return Ok(false);
+    }
+    findings.after = search.held_out(&found.fit.model, found.noise)?;
+    findings.standings.push(Some(Standing::of(tempered(odds), Vec::new(), 1.0 - tempered(odds))));
+    (findings.search, findings.found, findings.geometry) = (search, found, Some(group));
+    Ok(true)
 }
 
 /// Takes the names of causes that are more probably members of the small errors everywhere: an outlier of these may be

@@ -119,6 +119,22 @@ fn contradicted_slips(causes: &mut [Cause], findings: &Findings<'_>) {
     }
 }
 
+/// What a remainder without place or law may be where the noise of measured points is not stated: no view measures it.
+fn unstated_noise(diagnosis: &Diagnosis, findings: &Findings<'_>) -> Option<String> {
+    let problem = &findings.search.problem;
+    let unknown = problem.camera.is_none() && !problem.point_noise_stated;
+    let lawless = findings.unexplained.as_ref().is_some_and(Unexplained::is_lawless);
+    let left = matches!(diagnosis.verdict, Verdict::Unknown | Verdict::Partial);
+    (unknown && lawless && left).then(|| {
+        format!(
+            "no noise of the measured points is stated, and {:.2} mm on each axis was assumed; {:.2} mm are left: if your measurement scatters by so much, state it as \
+             point_std in [noise] of session.toml, and there is nothing left to explain",
+            findings.search.detector_noise().point_m * 1e3,
+            findings.found.noise.point_m * 1e3
+        )
+    })
+}
+
 /// Whether without any region other causes are selected, or without some, and these predict clearly worse.
 fn changes_with_regions(gap: &Gap) -> bool {
     gap.chosen_anew.as_ref().is_some_and(|anew| anew.changed == anew.regions)
@@ -193,6 +209,7 @@ pub(crate) fn reserve(diagnosis: &mut Diagnosis, findings: &Findings<'_>) {
             diagnosis.warnings.push(told);
         }
     }
+    diagnosis.warnings.extend(unstated_noise(diagnosis, findings));
     let budget = &findings.search.problem.budget;
     diagnosis.trace.push(format!("work: {:.0} % of the limit", 100.0 * budget.share_of_session()));
     if budget.is_spent() {

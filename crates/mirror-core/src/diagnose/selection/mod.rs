@@ -8,6 +8,7 @@ pub(super) mod correlated_noise;
 pub(super) mod erratic_joint;
 pub(super) mod extended_models;
 mod free_form_start;
+pub(super) mod large_members;
 pub(super) mod law_remainder;
 mod linear_scales;
 pub(super) mod linear_search;

@@ -25,7 +25,7 @@ pub(crate) struct Standing {
 
 impl Standing {
     /// Of a cause with this probability among these alternatives and no cause.
-    pub(super) fn of(probability: f64, mut rivals: Vec<Rival>, nothing: f64) -> Self {
+    pub fn of(probability: f64, mut rivals: Vec<Rival>, nothing: f64) -> Self {
         rivals.retain(|r| r.probability >= UNTHOUGHT_OF);
         rivals.sort_by(|a, b| b.probability.total_cmp(&a.probability));
         Self { probability, rivals, nothing, mounts: None }
@@ -55,6 +55,18 @@ impl Standing {
         self.rivals.iter_mut().for_each(|r| r.probability *= scale);
         self.nothing *= scale;
         self.probability *= scale;
+    }
+
+    /// Limits the cause's probability to `most`. What it loses goes, by this share, to its alternatives: they were found in its place.
+    pub fn limited(&mut self, most: f64, to_rivals: f64) {
+        let lost = (self.probability - most).max(0.0);
+        self.probability -= lost;
+        let among: f64 = self.rivals.iter().map(|r| r.probability).sum();
+        let count = self.rivals.len() as f64;
+        for rival in &mut self.rivals {
+            let part = if among > 0.0 { rival.probability / among } else { 1.0 / count };
+            rival.probability += lost * to_rivals * part;
+        }
     }
 
     /// The alternatives are more probable than the cause by this factor at most, instead of what the evidence alone
@@ -95,5 +107,22 @@ mod tests {
         assert!((standing.probability - 0.4).abs() < 1e-12 && (standing.nothing - 0.06).abs() < 1e-12);
         assert!((standing.rivals[0].probability - 0.2).abs() < 1e-12);
         assert!((standing.challenged() - challenged).abs() < 1e-12);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_a_cause_loses_its_alternatives_gain_as_far_as_they_were_found() {
+        let rival = |probability| Rival { hypothesis: 0, variant: 0.0, probability };
+        let mut standing = Standing::of(0.9, vec![rival(0.06), rival(0.03)], 0.01);
+        standing.limited(0.3, 0.5);
+        assert!((standing.probability - 0.3).abs() < 1e-12);
+        let told: Vec<f64> = standing.rivals.iter().map(|r| r.probability).collect();
+        assert!((told[0] - 0.26).abs() < 1e-12 && (told[1] - 0.13).abs() < 1e-12, "{told:?}");
+        standing.limited(0.5, 1.0);
+        assert!((standing.probability - 0.3).abs() < 1e-12, "a limit above it changes nothing");
     }
 }

@@ -16,6 +16,7 @@ use crate::diagnose::random_effects::geometric_tolerances::Geometry;
 use crate::diagnose::random_effects::law_discrepancy::LAW_SHARE;
 use crate::diagnose::random_effects::outlier_tolerances::{name_outlying, put_back};
 use crate::diagnose::random_effects::small_errors::Kind;
+use crate::diagnose::selection::large_members::choose_members;
 use crate::diagnose::selection::linear_search::by_linear_models;
 use crate::diagnose::selection::nonparametric::{Unexplained, log_odds, unexplained};
 use crate::diagnose::selection::search::{Found, Search};
@@ -59,6 +60,7 @@ pub(crate) fn beside_geometry<'a>(
         Some(_) => linear_rounds((&mut search, &mut geometry), &mut start, alone)?,
         None => None,
     };
+    let few_frames = in_rounds.is_none();
     let mut found = match in_rounds {
         Some(found) => found,
         None => one_at_a_time((&mut search, &mut geometry), start.model)?,
@@ -80,6 +82,9 @@ pub(crate) fn beside_geometry<'a>(
     if put_back((&geometry, scene), named.catalogue, &hidden, &mut model) {
         found.fit = geometry.fit(&search.problem, named.catalogue, &model, at(noise, 4), named.mask)?;
         search.group = geometry.group.clone();
+    }
+    if few_frames {
+        let _ = choose_members((&mut search, &mut geometry), &mut found, nominal)?;
     }
     if !hidden.is_empty() {
         // The outliers alone may explain everything.
