@@ -108,11 +108,6 @@ mod tests {
         assert!((standing.rivals[0].probability - 0.2).abs() < 1e-12);
         assert!((standing.challenged() - challenged).abs() < 1e-12);
     }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
 
     #[test]
     fn what_a_cause_loses_its_alternatives_gain_as_far_as_they_were_found() {
