@@ -63,4 +63,4 @@ def test_what_no_file_holds_says_what_to_do(effect: str, tmp_path: Path) -> None
 
 def test_places_of_two_are_told_plainly() -> None:
     assert formatting.place_in_words("joint:a<->joint:b") == "a and b"
-    assert formatting.place_with_article("marker:m<-link:l") == "marker m from link l"
+    assert formatting.place_with_article("marker:m<-link:l") == "marker m on link l"

@@ -18,7 +18,7 @@ pytest.importorskip("mujoco", reason="the tracked session needs mirror_lab's rob
 
 from mirror_posture.diagnosis import Diagnosis, diagnose
 from session_breaks.kinds import Rows, read, write
-from tracked_chain import write_chain
+from tracked_chain import NO_ROLLS, write_chain
 from tracked_session import POSTURES, write_tracked
 
 SEED = 5
@@ -110,6 +110,19 @@ def test_a_large_zero_among_many_small_errors_is_a_cause(tmp_path: Path, large_r
     if large_rad:
         value = named[0].parameters["offset_rad"]
         assert abs(value.value - large_rad) < 4.0 * value.std + 0.001, value
+
+
+@pytest.mark.parametrize(("scale", "small"), [(1.004, 0.0), (1.0, 1.0)])
+def test_lengths_that_are_all_off_by_one_factor_may_be_the_trackers_scale(
+    tmp_path: Path, scale: float, small: float
+) -> None:
+    found = diagnose(write_chain(tmp_path / "s", SEED, {}, small=small, scale=scale, model_axes=NO_ROLLS))
+    assert found.verdict == "explained", found.sentence
+    hinted = [w for w in found.warnings if "one factor" in w]
+    assert len(hinted) == int(scale != 1.0), found.warnings
+    if hinted:
+        percent = re.search(r"([+-][\d.]+) ± ([\d.]+) %", hinted[0])
+        assert percent and abs(float(percent[1]) - 0.4) < 0.02, hinted
 
 
 def test_noise_that_is_not_stated_is_asked_for(tmp_path: Path) -> None:

@@ -9,7 +9,10 @@ import numpy as np
 import numpy.typing as npt
 
 Floats = npt.NDArray[np.float64]
-AXES = ((0, 0, 1), (0, 1, 0), (0, 0, 1), (0, -1, 0), (0, 0, 1), (0, 1, 0), (0, 0, 1))
+Axes = tuple[tuple[int, int, int], ...]
+AXES: Axes = ((0, 0, 1), (0, 1, 0), (0, 0, 1), (0, -1, 0), (0, 0, 1), (0, 1, 0), (0, 0, 1))
+NO_ROLLS: Axes = ((0, 0, 1), (0, 1, 0), (0, 1, 0), (1, 0, 0), (0, 1, 0), (1, 0, 0), (0, 1, 0))
+"""Axes across the links, so that each link's length shows by itself."""
 SHIFTS_M = (
     (0, 0, 0.2),
     (0.03, 0, 0.15),
@@ -36,13 +39,13 @@ def about(axis: Floats, angle_rad: float) -> Floats:
     return np.asarray(np.eye(3) + np.sin(angle_rad) * cross + (1 - np.cos(angle_rad)) * cross @ cross)
 
 
-def urdf() -> str:
-    links = [f'<link name="l{i}"/>' for i in range(len(AXES) + 1)]
+def urdf(axes: Axes) -> str:
+    links = [f'<link name="l{i}"/>' for i in range(len(axes) + 1)]
     joints = [
         f'<joint name="a{i + 1}" type="revolute"><parent link="l{i}"/><child link="l{i + 1}"/>'
         f'<origin xyz="{" ".join(map(str, shift))}"/><axis xyz="{" ".join(map(str, axis))}"/>'
         f'<limit lower="-{LIMIT_RAD}" upper="{LIMIT_RAD}" effort="50" velocity="1"/></joint>'
-        for i, (axis, shift) in enumerate(zip(AXES, SHIFTS_M, strict=True))
+        for i, (axis, shift) in enumerate(zip(axes, SHIFTS_M, strict=True))
     ]
     for name, (link, at) in MARKERS_M.items():
         links.append(f'<link name="{name}_marker"/>')
@@ -54,17 +57,24 @@ def urdf() -> str:
 
 
 def write_chain(
-    folder: Path, seed: int, zeros_rad: dict[int, float], postures: int = 90, noise_m: float = 1e-4
+    folder: Path,
+    seed: int,
+    zeros_rad: dict[int, float],
+    small: float = 1.0,
+    scale: float = 1.0,
+    model_axes: Axes = AXES,
+    postures: int = 90,
+    noise_m: float = 1e-4,
 ) -> Path:
-    """Random postures; zeros by 1 mrad, axes by 0.6 mrad and links by 0.4 mm (one standard deviation) beside the model, and
-    further zeros of some joints by their numbers from 0."""
+    """Random postures; zeros by 1 mrad, axes by 0.6 mrad and links by 0.4 mm (one standard deviation, times `small`) beside the
+    model, and further zeros of some joints by their numbers from 0. The tracker's lengths are true ones times `scale`."""
     rng = np.random.default_rng(seed)
-    count = len(AXES)
-    zeros = rng.normal(0.0, 1e-3, count)
+    count = len(model_axes)
+    zeros = small * rng.normal(0.0, 1e-3, count)
     for joint, more in zeros_rad.items():
         zeros[joint] += more
-    axes = [np.array(axis, float) + rng.normal(0.0, 6e-4, 3) for axis in AXES]
-    shifts = [np.array(shift) + rng.normal(0.0, 4e-4, 3) for shift in SHIFTS_M]
+    axes = [np.array(axis, float) + small * rng.normal(0.0, 6e-4, 3) for axis in model_axes]
+    shifts = [np.array(shift) + small * rng.normal(0.0, 4e-4, 3) for shift in SHIFTS_M]
     frames, points = [f"frame,posture,{','.join(f'a{i + 1}' for i in range(count))}"], ["frame,marker,x,y,z"]
     for number in range(postures):
         q = rng.uniform(-1.6, 1.6, count)
@@ -77,7 +87,8 @@ def write_chain(
             where[i + 1] = (turn, at)
         for name, (link, place) in MARKERS_M.items():
             turned, base = where[link]
-            seen = TURN @ (base + turned @ np.array(place)) + (0.5, -1.0, 0.3) + rng.normal(0.0, noise_m, 3)
+            at_scale = scale * (base + turned @ np.array(place))
+            seen = TURN @ at_scale + (0.5, -1.0, 0.3) + rng.normal(0.0, noise_m, 3)
             points.append(f"{number},{name},{','.join(map(repr, map(float, seen)))}")
     folder.mkdir()
     markers = "".join(
@@ -89,7 +100,7 @@ def write_chain(
         f'gravity = [0.0, 0.0, -9.81]\n{markers}\n[points]\nframe = "unknown"\n\n[noise]\npoint_std = {noise_m}\n',
         encoding="utf-8",
     )
-    (folder / "robot.urdf").write_text(urdf(), encoding="utf-8")
+    (folder / "robot.urdf").write_text(urdf(model_axes), encoding="utf-8")
     (folder / "frames.csv").write_text("\n".join(frames) + "\n", encoding="utf-8")
     (folder / "points.csv").write_text("\n".join(points) + "\n", encoding="utf-8")
     return folder

@@ -121,26 +121,21 @@ BY_HAND = {
 """Effects that `apply` writes nowhere, and what to do instead."""
 
 
+def _joined(at: str) -> str:
+    """A place of two parts: a joint that depends on another, a marker on a link, two that changed places."""
+    return at.replace("<->", " and ").replace("<-", " on " if at.startswith("marker:") else " from ")
+
+
 def place_in_words(at: str) -> str:
-    """`joint:r_elbow` as `r_elbow`; `joint:a<-joint:b` as `a from b`."""
-    return (
-        at.replace("<->", " and ")
-        .replace("<-", " from ")
-        .replace("joint:", "")
-        .replace("link:", "")
-        .replace("marker:", "")
-    )
+    """`joint:r_elbow` as `r_elbow`; `joint:a<-joint:b` as `a from b`; `marker:m<-link:l` as `m on l`."""
+    return _joined(at).replace("joint:", "").replace("link:", "").replace("marker:", "")
 
 
 def place_with_article(at: str) -> str:
     """A place with what it is: `the camera`, `joint r_elbow`, `marker r_hand`, `joint a from joint b`."""
     if at == "unknown":
         return "no single place"
-    return (
-        f"the {at}"
-        if at in WHOLE
-        else re.sub(KINDS, r"\1 ", at.replace("<->", " and ").replace("<-", " from "))
-    )
+    return f"the {at}" if at in WHOLE else re.sub(KINDS, r"\1 ", _joined(at))
 
 
 def share(part: float) -> str:

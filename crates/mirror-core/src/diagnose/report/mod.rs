@@ -10,6 +10,7 @@ pub(super) mod gap_steps;
 mod joint_signatures;
 mod members;
 pub(super) mod named_causes;
+mod one_scale;
 mod places;
 pub(super) mod plots;
 pub(super) mod reservations;

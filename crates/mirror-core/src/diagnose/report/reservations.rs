@@ -11,6 +11,7 @@ use crate::diagnose::likelihood::probability::unfinished;
 use crate::diagnose::prepare::first_day::leaves_gross;
 use crate::diagnose::principles::{ABOVE_SCATTER, LEAST_HELD_OUT_RATIO, MAJORITY};
 use crate::diagnose::report::gap_steps::Part;
+use crate::diagnose::report::one_scale::one_scale;
 use crate::diagnose::report::rms_shift::noise_square;
 use crate::diagnose::selection::nonparametric::Unexplained;
 use crate::error::Result;
@@ -210,6 +211,9 @@ pub(crate) fn reserve(diagnosis: &mut Diagnosis, findings: &Findings<'_>) {
         }
     }
     diagnosis.warnings.extend(unstated_noise(diagnosis, findings));
+    if matches!(diagnosis.verdict, Verdict::Explained | Verdict::Partial) {
+        diagnosis.warnings.extend(one_scale(findings));
+    }
     let budget = &findings.search.problem.budget;
     diagnosis.trace.push(format!("work: {:.0} % of the limit", 100.0 * budget.share_of_session()));
     if budget.is_spent() {

@@ -26,7 +26,11 @@ pub(crate) fn sentence(verdict: Verdict, causes: &[Cause], places: &[Where], gap
     let sizes = format!("{sizes}, on postures that the fit did not see");
     // A place that slipped, and came back, is named once.
     let mut names: Vec<String> = Vec::new();
-    for told in causes.iter().map(name) {
+    // What is improbable with all its alternatives stays in the list of causes, and explains nothing.
+    let with_rivals = |c: &Cause| c.probability + c.alternatives.iter().map(|a| a.probability).sum::<f64>();
+    let likely: Vec<&Cause> = causes.iter().filter(|c| with_rivals(c) >= WORTH_NAMING).collect();
+    let causes = if likely.is_empty() { causes.iter().collect() } else { likely };
+    for told in causes.iter().map(|cause| name(cause)) {
         if !names.contains(&told) {
             names.push(told);
         }
