@@ -77,7 +77,8 @@ impl Camera {
         positive("picture height (px)", f64::from(height_px))?;
         let distortion = distortion.validated()?;
         let lens = Lens::new(&distortion);
-        Self { width_px, height_px, focal_px, center_px, distortion, lens }.with_intrinsics(focal_px, center_px)
+        Self { width_px, height_px, focal_px, center_px, distortion, lens }
+            .with_intrinsics(focal_px, center_px)
     }
 
     /// The same lens with other focal lengths and another principal point (px).
