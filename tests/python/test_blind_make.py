@@ -15,7 +15,7 @@ pytest.importorskip("mujoco", reason="blind sessions need MuJoCo")
 from mirror_lab.blind import BlindError
 from mirror_lab.blind.comparison import Scored, invented
 from mirror_lab.blind.effects import VOCABULARY
-from mirror_lab.blind.errors import NoPlaceError
+from mirror_lab.blind.errors import NoPlaceError, UnstableError
 from mirror_lab.blind.fitting import fit
 from mirror_lab.blind.identify import judge
 from mirror_lab.blind.make import make_cases
@@ -52,6 +52,24 @@ def test_every_effect_changes_what_is_seen_and_tells_its_place(effect: str) -> N
 def test_a_session_without_faults_is_the_nominal_model_and_noise() -> None:
     case = _case([], 5, Options(robots=("small",), frames=(80, 81), simple_laws=True))
     assert judge(case)["nominal_chi2"] < 0.5
+
+
+def test_where_a_body_never_comes_to_rest_another_is_drawn(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    drawn: list[str] = []
+
+    def unstable_first(name: str, kind: str, *rest: object) -> Case:
+        drawn.append(name)
+        if len(drawn) == 1:
+            raise UnstableError("the simulated body became unstable")
+        return simulate(name, kind, *rest)  # type: ignore[arg-type]
+
+    monkeypatch.setattr("mirror_lab.blind.make.simulate", unstable_first)
+    (made,) = make_cases(tmp_path, 1, 3, QUICK)
+    assert len(drawn) == 2 and (made / "seal.json").is_file()
+    answer = json.loads((tmp_path / "answers" / f"{made.name}.json").read_text(encoding="utf-8"))
+    assert answer["seed"] == [3, 0, 1], "the draw can be repeated"
 
 
 def test_the_same_seed_makes_the_same_session(tmp_path: Path) -> None:

@@ -22,8 +22,8 @@ use crate::diagnose::principles::{MAJORITY, TEMPER, WORTH_NAMING};
 use crate::diagnose::random_effects::geometric_tolerances::Geometry;
 use crate::diagnose::selection::alternatives::held_out_odds;
 use crate::diagnose::selection::large_members::choose_members;
-use crate::diagnose::selection::linear_search::by_linear_models;
 use crate::diagnose::selection::nonparametric::unexplained;
+use crate::diagnose::selection::own_scales::AtOwnScales;
 use crate::diagnose::selection::standing::Standing;
 use crate::error::Result;
 
@@ -41,7 +41,11 @@ pub(crate) fn keep_survivors(findings: &mut Findings<'_>, ranking: &[Score]) -> 
     // The alternative of a possible small error is that it is one: if other causes replace it, it counts as not
     // selected.
     for (i, term) in findings.found.fit.model.terms.iter().enumerate() {
-        if findings.geometry.as_ref().is_some_and(|group| group.holds(findings.search.catalogue, term)) {
+        if findings
+            .geometry
+            .as_ref()
+            .is_some_and(|group| group.holds(findings.search.catalogue, term.hypothesis))
+        {
             shares[i] = alone[i];
         }
     }
@@ -59,17 +63,16 @@ pub(crate) fn keep_survivors(findings: &mut Findings<'_>, ranking: &[Score]) -> 
             gone.push(i);
         }
     }
-    let of_group = !gone.is_empty() && chosen_again(findings)?;
+    if !gone.is_empty() {
+        choose_again(findings)?;
+    }
     gone.sort_unstable();
     for i in gone.into_iter().rev() {
         shares.remove(i);
         alone.remove(i);
     }
-    if of_group {
-        shares.push(None);
-        alone.push(None);
-    }
     let remainder = findings.unexplained.is_some();
+    // A cause that was chosen again is the last, and has no share.
     for (standing, (share, alone)) in findings.standings.iter_mut().zip(shares.into_iter().zip(alone)) {
         let (Some(standing), Some(share), Some(alone)) = (standing, share, alone) else { continue };
         if remainder {
@@ -85,32 +88,26 @@ pub(crate) fn keep_survivors(findings: &mut Findings<'_>, ranking: &[Score]) -> 
 }
 
 /// Chooses a cause among the small errors everywhere again, where those that were removed are all among them: resamples may find none
-/// of several that share out one which is large. Whether there is one.
-fn chosen_again(findings: &mut Findings<'_>) -> Result<bool> {
-    let Some(mut group) = findings.geometry.clone().filter(|group| !group.setup_only) else {
-        return Ok(false);
-    };
+/// of several that share out one which is large.
+fn choose_again(findings: &mut Findings<'_>) -> Result<()> {
+    let Some(mut group) = findings.geometry.clone().filter(|group| !group.setup_only) else { return Ok(()) };
     let catalogue = findings.search.catalogue;
     let terms = findings.found.fit.model.terms.len();
-    let other = |t: &Term| group.holds(catalogue, t) || catalogue.is_free(t.hypothesis);
-    if findings.found.fit.model.terms.iter().any(other)
-        || by_linear_models(&findings.search.problem, Some(&group)).is_some()
-    {
-        return Ok(false);
+    let other = |t: &Term| group.holds(catalogue, t.hypothesis) || catalogue.is_free(t.hypothesis);
+    if findings.found.fit.model.terms.iter().any(other) {
+        return Ok(());
     }
     let nominal = Model::nominal(&findings.search.problem);
     let (mut search, mut found) = (findings.search.clone(), findings.found.clone());
-    let Some(odds) = choose_members((&mut search, &mut group), &mut found, &nominal)? else {
-        return Ok(false);
-    };
+    let Some(odds) = choose_members((&mut search, &mut group), &mut found, &nominal)? else { return Ok(()) };
     // Of one alone the odds are known.
     if found.fit.model.terms.len() != terms + 1 {
-        return Ok(false);
+        return Ok(());
     }
     findings.after = search.held_out(&found.fit.model, found.noise)?;
     findings.standings.push(Some(Standing::of(tempered(odds), Vec::new(), 1.0 - tempered(odds))));
     (findings.search, findings.found, findings.geometry) = (search, found, Some(group));
-    Ok(true)
+    Ok(())
 }
 
 /// Takes the names of causes that are more probably members of the small errors everywhere: an outlier of these may be
@@ -123,7 +120,7 @@ fn told_as_members(findings: &mut Findings<'_>) {
             let with_rivals = s.probability + s.rivals.iter().map(|r| r.probability).sum::<f64>();
             with_rivals < MAJORITY || s.probability < WORTH_NAMING
         });
-        if improbable && group.holds(findings.search.catalogue, term) {
+        if improbable && group.holds(findings.search.catalogue, term.hypothesis) {
             *standing = None;
         }
     }
@@ -145,19 +142,20 @@ fn log_odds(share: f64) -> f64 {
 fn taken_back(findings: &mut Findings<'_>, i: usize, share: f64, odds: f64) -> Result<bool> {
     let found = &mut findings.found;
     let rest = findings.search.taken_out(&found.fit.model, i, found.noise)?;
-    let (mut search, mut spreads) = (findings.search.clone(), findings.geometry.clone());
-    let term = &found.fit.model.terms[i];
-    let columns = search.group.columns.len();
+    let hypothesis = found.fit.model.terms[i].hypothesis;
+    let columns = findings.search.group.columns.len();
     // What is one of the small errors goes back among them, whose spreads were learned without it.
-    let own =
-        |group: &&mut Geometry| group.group.columns.len() == columns && group.holds(search.catalogue, term);
-    let without = if let Some(group) = spreads.as_mut().filter(own) {
-        let options = FitOptions { noise: found.noise, steps: 8 };
-        let fit = group.fit(&search.problem, search.catalogue, &rest, options, search.mask)?;
-        search.group = group.group.clone();
-        fit
+    let own = |group: &&Geometry| {
+        group.group.columns.len() == columns && group.holds(findings.search.catalogue, hypothesis)
+    };
+    let options = FitOptions { noise: found.noise, steps: 8 };
+    let (search, spreads, without) = if let Some(group) = findings.geometry.as_ref().filter(own) {
+        let AtOwnScales { search, geometry, fit } =
+            AtOwnScales::fitted(&findings.search, group, &rest, options)?;
+        (search, Some(geometry), fit)
     } else {
-        search.fit(&rest, found.noise, 8)?
+        let fit = findings.search.fit(&rest, found.noise, options.steps)?;
+        (findings.search.clone(), findings.geometry.clone(), fit)
     };
     let gap = search.held_out(&without.model, found.noise)?;
     let with = findings.search.held_out(&found.fit.model, found.noise)?;
@@ -166,7 +164,7 @@ fn taken_back(findings: &mut Findings<'_>, i: usize, share: f64, odds: f64) -> R
     }
     (findings.search, findings.geometry) = (search, spreads);
     let search = &findings.search;
-    let name = search.catalogue.name(&search.problem.scene, found.fit.model.terms[i].hypothesis);
+    let name = search.catalogue.name(&search.problem.scene, hypothesis);
     found.trace.push(format!("remove {name}: selected again in {:.0} % of resamples", 100.0 * share));
     found.fit = without;
     findings.standings.remove(i);

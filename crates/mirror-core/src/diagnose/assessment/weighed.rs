@@ -8,7 +8,6 @@ use crate::diagnose::criteria::lack_of_fit::adequacy;
 use crate::diagnose::data::diagnosis::Alternative;
 use crate::diagnose::effects::Place;
 use crate::diagnose::effects::hypothesis::Model;
-use crate::diagnose::model::solver::SOLVER;
 use crate::diagnose::prepare::first_day::Doubt;
 use crate::diagnose::prepare::prepared::Prepared;
 use crate::diagnose::principles::{TEMPER, UNTHOUGHT_OF};
@@ -96,12 +95,7 @@ pub(crate) fn weighed<'a>(
             if no_smaller { "the held-out gap no smaller" } else { "nearly all of a gap that has no place" };
         found.trace.push(format!("no cause is named: together they leave {left}"));
         // The scatter that the causes left is not that of the nominal model: at it everything would look false.
-        let mut alone = nominal.clone();
-        for _ in 0..2 {
-            found.noise = search.effective(&alone)?;
-            found.fit = search.fit(&alone, found.noise, SOLVER.loose_steps)?;
-            alone.clone_from(&found.fit.model);
-        }
+        (found.fit, found.noise) = search.fit_at_its_scatter(nominal)?;
         (geometry, after) = (None, nominal_gap.clone());
         standings.clear();
     }

@@ -13,7 +13,7 @@
 use crate::diagnose::data::diagnosis::Member;
 use crate::diagnose::data::recording::Tolerances;
 use crate::diagnose::effects::Place;
-use crate::diagnose::effects::hypothesis::{Catalogue, Model, Term};
+use crate::diagnose::effects::hypothesis::{Catalogue, Model};
 use crate::diagnose::likelihood::fit::{Fit, FitOptions, Group, fit};
 use crate::diagnose::likelihood::linearised::Linearised;
 use crate::diagnose::model::elementary::{Atom, Column};
@@ -253,10 +253,9 @@ impl Geometry {
             .collect()
     }
 
-    /// Whether a cause is one of the small errors of the group.
-    pub fn holds(&self, catalogue: &Catalogue, term: &Term) -> bool {
-        let hypothesis = &catalogue.hypotheses[term.hypothesis];
-        let own = (catalogue.effect(term.hypothesis).name(), hypothesis.place);
+    /// Whether a hypothesis is one of the small errors of the group.
+    pub fn holds(&self, catalogue: &Catalogue, hypothesis: usize) -> bool {
+        let own = (catalogue.effect(hypothesis).name(), catalogue.hypotheses[hypothesis].place);
         self.group.columns.iter().filter_map(single_effect).any(|(effect, place, _)| (effect, place) == own)
     }
 

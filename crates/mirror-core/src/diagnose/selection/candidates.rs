@@ -105,6 +105,9 @@ impl Search<'_> {
         };
         let fitted = |score: &&Score, hopeless: f64| {
             let fit = fitted_alone(score, hopeless);
+            if self.problem.slips.is_empty() {
+                return fit;
+            }
             let Some(next) = self.with_what_its_slips_took(&with(model, score, 1.0)) else { return fit };
             let last = next.terms.len() - 1;
             let other = self.fit_below(&next, Some(last), noise, SOLVER.candidate_steps, hopeless).ok();

@@ -55,7 +55,7 @@ pub(crate) struct LinearSearch<'a> {
 
 /// The small errors everywhere beside which sets of causes are compared in linear models, where pictures show the noise.
 /// Of measured points only a model shows it, so that each cause changes what the others are.
-pub(crate) fn by_linear_models<'g>(problem: &Problem, beside: Option<&'g Geometry>) -> Option<&'g Geometry> {
+pub(super) fn by_linear_models<'g>(problem: &Problem, beside: Option<&'g Geometry>) -> Option<&'g Geometry> {
     beside.filter(|group| !group.setup_only && problem.camera.is_some())
 }
 

@@ -64,7 +64,7 @@ pub(super) fn drop_useless_beside(
         let rest: Vec<usize> = set.iter().copied().filter(|c| *c != set[at]).collect();
         let without = gap_with(&rest)?;
         // What small errors everywhere can imitate: what is no part of the robot, and one of them that is large.
-        let is_imitated = place.node().is_none() || geometry.holds(catalogue, &model.terms[set[at]]);
+        let is_imitated = place.node().is_none() || geometry.holds(catalogue, hypothesis);
         let leaves_smaller_errors = || {
             let ahead = by_evidence(&set).zip(by_evidence(&rest)).map(|(with, without)| with - without);
             ahead.is_some_and(|ahead| TEMPER * ahead > LEAST_LOG_ODDS)

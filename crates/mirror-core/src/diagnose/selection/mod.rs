@@ -19,6 +19,7 @@ pub(super) mod long_session;
 pub(super) mod lost_column;
 pub(super) mod near_ties;
 pub(super) mod nonparametric;
+pub(super) mod own_scales;
 pub(super) mod pairwise_start;
 pub(super) mod posterior_odds;
 mod ranked;

@@ -89,6 +89,16 @@ impl Search<'_> {
         fit(&self.problem, self.catalogue, &self.group, model, FitOptions { noise, steps }, self.mask)
     }
 
+    /// A model fitted at the scatter that it leaves itself, with that: both in turn.
+    ///
+    /// # Errors
+    /// Invalid parameters of the camera or mirror.
+    pub fn fit_at_its_scatter(&self, start: &Model) -> Result<(Fit, Noise)> {
+        let rough = self.fit(start, self.effective(start)?, SOLVER.loose_steps)?;
+        let noise = self.effective(&rough.model)?;
+        Ok((self.fit(&rough.model, noise, SOLVER.loose_steps)?, noise))
+    }
+
     /// As [`Search::fit`], with discrepancy terms of the laws of all causes but the one in question
     /// ([`crate::diagnose::random_effects::law_discrepancy`]). The fit's model is without the discrepancy terms'
     /// values.

@@ -9,6 +9,7 @@ use crate::diagnose::principles::{LEAST_HELD_OUT_GAIN, LEAST_LOG_ODDS, NEARLY_AL
 use crate::diagnose::random_effects::geometric_tolerances::Geometry;
 use crate::diagnose::selection::linear_search::by_linear_models;
 use crate::diagnose::selection::linear_use::{drop_useless_beside, least_gain};
+use crate::diagnose::selection::own_scales::AtOwnScales;
 use crate::diagnose::selection::search::{Found, Search};
 use crate::diagnose::selection::standing::Standing;
 use crate::error::Result;
@@ -135,7 +136,7 @@ pub(crate) fn named_for_little(
 /// Whether a cause is an outlier among the small errors of the mounts: without it these would predict as well, less
 /// credibly.
 fn stands_out_of(beside: Option<&Geometry>, search: &Search<'_>, term: &Term) -> bool {
-    beside.is_some_and(|group| group.setup_only && group.holds(search.catalogue, term))
+    beside.is_some_and(|group| group.setup_only && group.holds(search.catalogue, term.hypothesis))
 }
 
 /// By how much a cause is more probable beside the small errors everywhere than as one of them, whose scales are then estimated
@@ -147,14 +148,13 @@ fn ahead_of_member(
     found: &Found,
     (i, rest): (usize, &Model),
 ) -> Result<f64> {
-    let holds = |group: &&Geometry| group.holds(search.catalogue, &found.fit.model.terms[i]);
+    let hypothesis = found.fit.model.terms[i].hypothesis;
+    let holds = |group: &&Geometry| group.holds(search.catalogue, hypothesis);
     let Some(group) = beside.filter(holds) else { return Ok(f64::NEG_INFINITY) };
-    let mut group = group.clone();
     let options = FitOptions { noise: found.noise, steps: SOLVER.loose_steps };
-    let fit = group.fit(&search.problem, search.catalogue, rest, options, search.mask)?;
-    let without = Search { group: group.group, ..search.clone() };
+    let without = AtOwnScales::fitted(search, group, rest, options)?;
     let with = search.fit(&found.fit.model, found.noise, SOLVER.loose_steps)?;
-    Ok(search.log_posterior(&with) - without.log_posterior(&fit))
+    Ok(search.log_posterior(&with) - without.log_posterior())
 }
 
 /// The held-out gap of the named causes alone, because free-form errors cannot be added to a model. A cause that by

@@ -129,10 +129,7 @@ pub(crate) fn with_setup<'a>(
         ..plain.clone()
     };
     // The mounts first at their common spreads, at the noise that they leave.
-    for _ in 0..2 {
-        let scatter = search.effective(&start)?;
-        start = search.fit(&start, scatter, 6)?.model;
-    }
+    start = search.fit_at_its_scatter(&start)?.0.model;
     look_again_at_noise(&mut search, &start, stated)?;
     let mut trace = alone.trace.clone();
     let mut result: Option<Found> = None;

@@ -60,7 +60,6 @@ pub(crate) fn beside_geometry<'a>(
         Some(_) => linear_rounds((&mut search, &mut geometry), &mut start, alone)?,
         None => None,
     };
-    let few_frames = in_rounds.is_none();
     let mut found = match in_rounds {
         Some(found) => found,
         None => one_at_a_time((&mut search, &mut geometry), start.model)?,
@@ -83,9 +82,7 @@ pub(crate) fn beside_geometry<'a>(
         found.fit = geometry.fit(&search.problem, named.catalogue, &model, at(noise, 4), named.mask)?;
         search.group = geometry.group.clone();
     }
-    if few_frames {
-        let _ = choose_members((&mut search, &mut geometry), &mut found, nominal)?;
-    }
+    choose_members((&mut search, &mut geometry), &mut found, nominal)?;
     if !hidden.is_empty() {
         // The outliers alone may explain everything.
         let mut bare = named.clone();
