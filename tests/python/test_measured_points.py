@@ -17,6 +17,7 @@ import pytest
 pytest.importorskip("mujoco", reason="the tracked session needs mirror_lab's robots")
 
 from mirror_posture.diagnosis import Diagnosis, diagnose
+from mirror_posture.diagnosis.formatting import numbers_in_words
 from session_breaks.kinds import Rows, read, write
 from tracked_chain import NO_ROLLS, write_chain
 from tracked_session import POSTURES, write_tracked
@@ -82,6 +83,8 @@ def test_names_exchanged_in_a_run_of_rows_are_no_joint_that_stands_still(tmp_pat
         {"marker:r_hand", "marker:r_forearm"},
     )
     assert swap.parameters["share"].value == pytest.approx(20 / POSTURES, abs=0.02)
+    assert numbers_in_words(swap.frames) == "30 to 49"
+    assert numbers_in_words([7, 2, 1, 3, *range(10, 40, 2)]).startswith("1 to 3, 7, 10, 12, ")
 
 
 def test_measurements_that_are_late_are_a_negative_delay(tmp_path: Path) -> None:

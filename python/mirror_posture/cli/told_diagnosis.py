@@ -46,6 +46,7 @@ def show_diagnosis(output: Output, folder: Path, found: Diagnosis) -> None:
         dependence,
         effect_in_words,
         millimetres,
+        numbers_in_words,
         percent,
         place_in_words,
         steps,
@@ -62,7 +63,8 @@ def show_diagnosis(output: Output, folder: Path, found: Diagnosis) -> None:
                 effect_in_words(cause.effect),
                 place_in_words(cause.at),
                 percent(cause.probability),
-                "\n".join(map(str, tell_all(cause))),
+                "\n".join(map(str, tell_all(cause)))
+                + (f"\nframes {numbers_in_words(cause.frames)}" if cause.frames else ""),
                 "\n".join(
                     f"{effect_in_words(a.effect)} at {place_in_words(a.at)} ({percent(a.probability)})"
                     for a in cause.alternatives

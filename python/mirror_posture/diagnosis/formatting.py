@@ -6,6 +6,7 @@ import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import groupby
 from typing import Any
 
 from .parts import Cause, Estimate, Member
@@ -119,6 +120,17 @@ BY_HAND = {
     name: remedy(name) for name, told in {**IN_WORDS, **BESIDE}.items() if told["written_to"] == "nothing"
 }
 """Effects that `apply` writes nowhere, and what to do instead."""
+
+
+def numbers_in_words(numbers: Sequence[int], most_runs: int = 12) -> str:
+    """`[1, 2, 3, 7]` as `1 to 3, 7`; of very many runs the first ones, and how many numbers more there are."""
+    from_first = enumerate(sorted(numbers))
+    runs = [[number for _, number in run] for _, run in groupby(from_first, key=lambda one: one[1] - one[0])]
+    told = [
+        f"{run[0]} to {run[-1]}" if len(run) > 2 else ", ".join(map(str, run)) for run in runs[:most_runs]
+    ]
+    more = sum(map(len, runs[most_runs:]))
+    return ", ".join(told) + (f", and {more} more" if more else "")
 
 
 def _joined(at: str) -> str:

@@ -4,7 +4,15 @@ from __future__ import annotations
 
 from collections import Counter
 
-from .formatting import BY_HAND, dependence, effect_in_words, listed, place_in_words, place_with_article
+from .formatting import (
+    BY_HAND,
+    dependence,
+    effect_in_words,
+    listed,
+    numbers_in_words,
+    place_in_words,
+    place_with_article,
+)
 from .parts import Place
 from .result import Diagnosis
 
@@ -35,7 +43,7 @@ def next_step(found: Diagnosis) -> str:
         whole = frames_left_out(found)
         if whole:
             return (
-                f"Look at the frames of which much was left out ({_first_of(whole)}), whether their rows belong to their pictures. Beside them there is "
+                f"Look at the frames of which much was left out ({numbers_in_words(whole)}), whether their rows belong to their pictures. Beside them there is "
                 "nothing to mend: the model predicts as well as the measurement's noise allows."
             )
         return "Nothing to mend: the model predicts as well as the measurement's noise allows."
@@ -94,12 +102,6 @@ def frames_left_out(found: Diagnosis) -> list[int]:
     far = [one for one in found.data.left_out if one.why.startswith(reasons)]
     counts = Counter(one.frame for one in far)
     return sorted({one.frame for one in far if counts[one.frame] > 1 or one.target == "board"})
-
-
-def _first_of(frames: list[int], most: int = 12) -> str:
-    """Numbers of frames in one line, shortened where there are many."""
-    more = f", and {len(frames) - most} more" if len(frames) > most else ""
-    return ", ".join(str(frame) for frame in frames[:most]) + more
 
 
 def _unexplained(found: Diagnosis) -> Place | None:
