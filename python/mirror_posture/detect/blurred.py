@@ -18,10 +18,10 @@ from ..marker import Marker
 from ..short_repr import ShortRepr
 from .ball import Circle, OutlineFit, measure_blurred_balls
 from .blobs import Region
-from .candidates import choose
 from .ghost_light import Ghost, with_ghost_left, without_ghost
 from .marker_judge import BLURRED_SHARE, MarkerOptions, judged
 from .medians import median
+from .rivals import Rival, choose
 from .types import MarkerView, PredictedMarker
 
 # From this blur of the picture's balls on, px and as a share of the radius, a ball is also measured as a whole.
@@ -136,7 +136,7 @@ def blurred_views(
         view = judged(bgr, one.marker, region, fit, options)
         if view.ok and (view.visible_fraction or 0.0) >= LEAST_SEEN:
             found[index].append(Blurred(view, _has_moved(fit)))
-    return [_chosen(balls, one.hint) for balls, one in zip(found, wanted, strict=True)]
+    return [_chosen(balls, one.hint, camera.mean_focal_px) for balls, one in zip(found, wanted, strict=True)]
 
 
 def _plausible(one: Expected) -> list[Region]:
@@ -148,11 +148,12 @@ def _plausible(one: Expected) -> list[Region]:
     ]
 
 
-def _chosen(balls: list[Blurred], hint: PredictedMarker) -> Blurred | None:
+def _chosen(balls: list[Blurred], hint: PredictedMarker, focal_px: float) -> Blurred | None:
     if not balls:
         return None
     # All were measured with the expected size: it does not tell them apart.
-    index, _ = choose([np.array(ball.view.pixel_px) for ball in balls], [1.0] * len(balls), hint)
+    places = [ball.view.pixel_px for ball in balls if ball.view.pixel_px is not None]
+    index, _ = choose([Rival(place) for place in places], hint, focal_px)
     return balls[index] if index >= 0 else None
 
 

@@ -1,9 +1,7 @@
-"""Which of several regions of a marker's colour is the marker: by shape, size, and the place that the
-robot's model predicts.
+"""Circles of about a marker's size in the regions of its colour, the nearest to the place that the robot's model predicts first.
 
-The prediction is only a hint, because the product looks for the model's errors. A region that is no ball,
-or does not have the ball's size at its distance, is rejected. Of several that are left, the one nearest to
-the predicted place is taken only if it is much nearer than the next.
+The prediction is only a hint, because the product looks for the model's errors: a region that is no ball, or does not have the ball's size at its distance, is
+rejected. Which of those that are left is the marker, `rivals` decides.
 """
 
 from __future__ import annotations
@@ -19,13 +17,6 @@ from .types import FloatArray, PredictedMarker
 
 # A ball's radius may differ from the model's by this factor: postures move it nearer or farther.
 SIZE_FACTOR = 1.3
-# The next candidate must be this many times farther from the expected place than the nearest, and by at least
-# this many of the ball's radii.
-CLEARLY_NEARER = 2.0
-NEARER_RADII = 0.7
-# Where places do not decide, sizes may: of the ball that the model expects within this share of its radius, of another thing beyond this one.
-OF_ITS_SIZE = 0.035
-OF_ANOTHER_SIZE = 0.1
 # The largest number of candidates of one marker that are measured, the most probable first.
 MOST_MEASURED = 4
 # A circle must hold this share of the contour that a ball of the expected size would show.
@@ -106,30 +97,3 @@ def _distinct(candidates: list[Candidate]) -> list[Candidate]:
         ):
             kept.append(one)
     return kept
-
-
-def choose(places_px: list[FloatArray], sizes: list[float], expected: PredictedMarker) -> tuple[int, str]:
-    """The index of the ball among measured centres and sizes (times the expected one), or -1 and the reason
-    why it cannot be decided.
-
-    A size decides only between balls at like distances from the expected place: a model that is wrong by
-    more moves the place too.
-    """
-    if len(places_px) == 1:
-        return 0, ""
-    away = np.array([float(np.linalg.norm(place - np.array(expected.pixel_px))) for place in places_px])
-    order = np.argsort(away)
-    nearest, second = away[order[0]], away[order[1]]
-    clear_px = NEARER_RADII * float(expected.ball_radius_px or 0.0)
-    farther = (away >= CLEARLY_NEARER * nearest) & (away - nearest >= clear_px)
-    if farther[order[1]]:
-        return int(order[0]), ""
-    off = np.abs(np.array(sizes) - 1.0)
-    fitting = np.flatnonzero(~farther & (off <= OF_ITS_SIZE))
-    if len(fitting) == 1 and np.count_nonzero(~farther & (off < OF_ANOTHER_SIZE)) == 1:
-        return int(fitting[0]), ""
-    u, v = places_px[int(order[1])]
-    return -1, (
-        f"{len(places_px)} balls of its colour and size, {nearest:.0f} and {second:.0f} px from where the model expects it (another at ({u:.0f}, {v:.0f})): "
-        "take away what has its colour, or give it another"
-    )

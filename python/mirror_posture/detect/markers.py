@@ -8,7 +8,6 @@ Uncertain ones are masked with their reason.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -17,30 +16,25 @@ import numpy.typing as npt
 from ..arguments import checked_arguments
 from ..camera import Camera
 from ..marker import Marker
-from .ball import Circle, OutlineFit, Start, fit_circle, measure_balls
+from .ball import OutlineFit, Start, fit_circle, measure_balls
 from .blobs import Region, color_regions, contour_px
 from .blurred import MOST_QUANTISATION_STEP, Expected, with_blurred
-from .candidates import NEARER_RADII, SIZE_FACTOR, Candidate, choose, find_candidates
+from .by_hint import MIN_OUTLINE_RADIUS_PX, Measured, view_by_hint
+from .candidates import SIZE_FACTOR, Candidate, find_candidates
 from .curve import Curve, curve_doubt, with_curve_doubt
 from .ghost_light import Ghost, with_ghost_left, without_ghost
 from .marker_choice import Choice, SizeBounds, assign
 from .marker_judge import (
     MarkerOptions,
-    doubted_size,
     from_region,
-    is_sharp,
     judged,
     masked,
     nothing_reason,
-    size_share,
-    widened_by_size,
 )
 from .recoded import LEAST_STEP, Codec, with_codec_errors
 from .sharpening import without_sharpening
-from .types import FloatArray, MarkerView, PredictedMarker, color_of
+from .types import MarkerView, PredictedMarker, color_of
 
-# Smallest outline that sub-pixel edges can be read from; below, the region's centroid is all there is.
-MIN_OUTLINE_RADIUS_PX = 3.0
 # A marker without a fitting region of its colour is searched in a range this many times as wide in hue, and
 # from these shares of its least saturation and value on.
 WIDER_HUE = 1.8
@@ -144,10 +138,13 @@ def detect_markers(
         return [with_curve_doubt(fit, doubt) for fit in measured(starts)]
 
     coded = chroma_step_px != (1, 1)
-    views = [_seen(bgr, job, own, options, again, coded) for job, own in zip(jobs, fits_of, strict=True)]
+    focal_px = assumed.mean_focal_px
+    views = [
+        _seen(bgr, job, own, options, again, coded, focal_px) for job, own in zip(jobs, fits_of, strict=True)
+    ]
     for index, job in _more_widely(bgr, jobs, views, options):
         own = again(list(job.starts))
-        view = _seen(bgr, job, own, options, again, coded)
+        view = _seen(bgr, job, own, options, again, coded, focal_px)
         if view.ok or not jobs[index].starts:
             jobs[index], fits_of[index], views[index] = job, own, view
     by_rays = views
@@ -207,9 +204,6 @@ def _job(
     return _Job(marker, choice, regions, starts=() if start is None else (start,))
 
 
-_Measured = Callable[[list[Start]], list[OutlineFit | None]]
-
-
 def _more_widely(
     bgr: npt.NDArray[np.uint8], jobs: list[_Job], views: list[MarkerView], options: MarkerOptions
 ) -> list[tuple[int, _Job]]:
@@ -264,12 +258,15 @@ def _seen(
     job: _Job,
     fits: list[OutlineFit | None],
     options: MarkerOptions,
-    measured: _Measured,
+    measured: Measured,
     coded: bool,
+    focal_px: float,
 ) -> MarkerView:
     marker, region = job.marker, job.choice.region
     if job.hint is not None:
-        return _by_hint(bgr, job, job.hint, fits, options, measured, coded)
+        return view_by_hint(
+            bgr, marker, job.regions, job.hint, job.candidates, fits, options, measured, coded, focal_px
+        )
     if region is None or job.choice.reason:
         return masked(marker, job.choice.reason or nothing_reason(bgr, marker), region)
     if marker.diameter_m == 0.0 or not options.use_outline:
@@ -287,116 +284,6 @@ def nominal_camera(width_px: int, height_px: int) -> Camera:
     """
     focal = float(max(width_px, height_px))
     return Camera((width_px, height_px), (focal, focal), ((width_px - 1) / 2.0, (height_px - 1) / 2.0))
-
-
-def _by_hint(
-    bgr: npt.NDArray[np.uint8],
-    job: _Job,
-    hint: PredictedMarker,
-    fits: list[OutlineFit | None],
-    options: MarkerOptions,
-    measured: _Measured,
-    coded: bool,
-) -> MarkerView:
-    """The one ball of the size that the model expects, nearest to where it expects it."""
-    marker, regions = job.marker, job.regions
-    if not regions:
-        return masked(marker, nothing_reason(bgr, marker), None)
-    radius = float(hint.ball_radius_px or 0.0)
-    if radius < MIN_OUTLINE_RADIUS_PX:
-        return masked(
-            marker,
-            f"it would be {2.0 * radius:.1f} px wide there, needed {2.0 * MIN_OUTLINE_RADIUS_PX:.0f}: go nearer",
-            None,
-        )
-    good: list[MarkerView] = []
-    bad: list[MarkerView] = []
-    lost: list[Candidate] = []
-    share = 1.0 + size_share(radius, options)
-
-    def of_known_size(center_px: FloatArray) -> OutlineFit | None:
-        (again,) = measured([Start(Circle(center_px, radius), radius / share, radius * share)])
-        return again
-
-    for one, fit in zip(job.candidates, fits, strict=True):
-        if fit is None:
-            # A short arc fits many sizes, and may have run away.
-            fit = of_known_size(one.circle.center_px)
-        if fit is None:
-            lost.append(one)
-            continue
-        seen = judged(bgr, marker, one.region, fit, options)
-        view = doubted_size(seen, fit, radius, options)
-        if seen.ok and not view.ok and (coded or is_sharp(fit)):
-            # A wrong part of its outline may have been used: it is measured again, with no other size.
-            again = of_known_size(fit.centroid_px)
-            if again is not None:
-                seen = judged(bgr, marker, one.region, again, options)
-                view, fit = (seen, again) if seen.ok else (view, fit)
-        view = widened_by_size(view, fit, radius)
-        if any(view.pixel_px is not None and _same_place(view, other, radius) for other in good):
-            continue
-        (good if view.ok else bad).append(view)
-    if not good:
-        if bad:
-            return bad[0]
-        return masked(
-            marker,
-            f"{len(regions)} regions of its colour, none with the outline of a ball of the size that it has there (radius {radius:.1f} px, the largest region's "
-            f"{regions[0].equivalent_radius_px:.1f} px)",
-            regions[0],
-        )
-    sizes = [_radius_px(view) / radius for view in good]
-    index, reason = choose([np.array(view.pixel_px) for view in good], sizes, hint)
-    if index >= 0:
-        nearer = _nearer(good[index], bad, hint) or _lost_nearer(good[index], lost, hint)
-        return good[index] if nearer is None else replace(good[index], ok=False, reason=nearer)
-    return replace(good[0], ok=False, reason=reason)
-
-
-def _radius_px(view: MarkerView) -> float:
-    assert view.outline is not None
-    return float(np.sqrt(view.outline.semi_major_px * view.outline.semi_minor_px))
-
-
-def _nearer(view: MarkerView, bad: list[MarkerView], hint: PredictedMarker) -> str | None:
-    """The reason why a ball is ambiguous: another one that cannot be measured is clearly nearer to the
-    predicted place."""
-
-    def away(one: MarkerView) -> float:
-        assert one.pixel_px is not None
-        return float(np.hypot(one.pixel_px[0] - hint.pixel_px[0], one.pixel_px[1] - hint.pixel_px[1]))
-
-    radius = float(hint.ball_radius_px or 0.0)
-    for other in bad:
-        if other.pixel_px is not None and away(other) + NEARER_RADII * radius < away(view):
-            u, v = other.pixel_px
-            return f"another of its colour is nearer to where the model expects it, at ({u:.0f}, {v:.0f}), and cannot be measured: {other.reason}"
-    return None
-
-
-def _lost_nearer(view: MarkerView, lost: list[Candidate], hint: PredictedMarker) -> str | None:
-    """The reason why a ball is ambiguous: something round of its colour that no outline was found of is clearly
-    nearer to the predicted place."""
-    assert view.pixel_px is not None
-    away = float(np.hypot(view.pixel_px[0] - hint.pixel_px[0], view.pixel_px[1] - hint.pixel_px[1]))
-    for other in lost:
-        if other.away_px + NEARER_RADII * float(hint.ball_radius_px or 0.0) < away:
-            u, v = other.circle.center_px
-            return f"something round of its colour is nearer to where the model expects it, at ({u:.0f}, {v:.0f}), and its outline cannot be measured"
-    return None
-
-
-def _same_place(one: MarkerView, other: MarkerView, radius_px: float) -> bool:
-    """Whether two outlines are of one ball, found from two starts."""
-    return (
-        one.pixel_px is not None
-        and other.pixel_px is not None
-        and (
-            float(np.hypot(one.pixel_px[0] - other.pixel_px[0], one.pixel_px[1] - other.pixel_px[1]))
-            < 0.5 * radius_px
-        )
-    )
 
 
 def _start(region: Region, bounds: SizeBounds | None = None) -> Start | None:
