@@ -14,6 +14,9 @@ import numpy as np
 
 from fresh_looks import COLUMNS, ROWS, SQUARE_M, Array, Look
 
+Bar = tuple[Array, Array, float]
+"""Both ends of a bar with round ends, and half of its width, px."""
+
 
 @dataclass
 class Ball:
@@ -26,6 +29,7 @@ class Ball:
     centroid_px: Array = field(default_factory=lambda: np.zeros(2))
     radius_px: float = 0.0
     visible: float = 1.0
+    """Share of its disc that nothing hides."""
 
 
 @dataclass
@@ -53,6 +57,25 @@ def conic_center(camera: Array, center: Array, radius: float) -> tuple[Array, fl
     level = conic[2, 2] + conic[2, :2] @ middle
     axes = -level / np.linalg.eigvalsh(conic[:2, :2])
     return middle, float(np.sqrt(np.sqrt(abs(axes[0] * axes[1]))))
+
+
+def seen_share(ball: Ball, bars: list[Bar]) -> float:
+    """Share of a ball's disc that no bar covers."""
+    at = ball.radius_px * ((np.arange(160) + 0.5) / 80.0 - 1.0)
+    u, v = np.meshgrid(at, at)
+    disc = u**2 + v**2 <= ball.radius_px**2
+    seen = disc.copy()
+    for start, end, width in bars:
+        seen &= away_px(ball.centroid_px[0] + u, ball.centroid_px[1] + v, start, end) > width
+    return float(seen.sum() / disc.sum())
+
+
+def away_px(u: Array, v: Array, start: Array, end: Array) -> Array:
+    """Distance of places from the line between two points, px."""
+    along = (end - start) / max(float(np.linalg.norm(end - start)), 1e-9)
+    at = np.stack([u - start[0], v - start[1]], axis=-1)
+    t = np.clip(at @ along, 0.0, float(np.linalg.norm(end - start)))
+    return np.linalg.norm(at - t[..., None] * along, axis=-1)
 
 
 def to_linear(levels: Array) -> Array:
@@ -185,9 +208,10 @@ class Painter:
             if look.clutter is not None:
                 self.draw_clutter(ball, balls)
             self.draw_sphere(ball.center_m, ball.radius_m, ball.rgb)
-        for ball in balls:
-            if look.hidden[1] > 0.0:
-                self.hide(ball)
+        if look.hidden[1] > 0.0:
+            bars = [self.hide(ball) for ball in balls]
+            for ball in balls:
+                ball.visible = seen_share(ball, bars)
         return Scene(look, self.camera, self.normal, self.offset, self.board, self.corners, balls, self.rgb)
 
     def draw_board(self) -> None:
@@ -293,10 +317,7 @@ class Painter:
         if np.any(high < 1) or np.any(low > [self.width - 2, self.height - 2]):
             return
         part, u, v = self.region(low, high, 4)
-        along = (end - start) / max(float(np.linalg.norm(end - start)), 1e-9)
-        at = np.stack([u - start[0], v - start[1]], axis=-1)
-        t = np.clip(at @ along, 0.0, float(np.linalg.norm(end - start)))
-        away = np.linalg.norm(at - t[..., None] * along, axis=-1)
+        away = away_px(u, v, start, end)
         round_ = np.sqrt(np.clip(1.0 - (away / width) ** 2, 0.0, 1.0))
         self.put(part, (away <= width).astype(float), (0.35 + 0.65 * round_)[..., None] * colour, 4)
 
@@ -327,8 +348,8 @@ class Painter:
                 # A bar of its colour, that ends before the ball.
                 self.capsule(pixel, other, 0.35 * size * ball.radius_px, 0.6 * ball.rgb)
 
-    def hide(self, ball: Ball) -> None:
-        """A bar with round ends before the ball covers a share of its disc."""
+    def hide(self, ball: Ball) -> Bar:
+        """A bar with round ends before the ball covers a share of its disc; it may cover a part of another ball's too."""
         turn = self.rng.uniform(0, 2 * np.pi)
         out = np.array([np.cos(turn), np.sin(turn)])
         across = np.array([-out[1], out[0]])
@@ -348,7 +369,7 @@ class Painter:
         long = 2.5 * ball.radius_px * across
         grey = self.rng.uniform(0.03, 0.5) * self.rng.uniform(0.9, 1.1, 3)
         self.capsule(middle - long, middle + long, width, grey)
-        ball.visible = 1.0 - shares[best]
+        return middle - long, middle + long, width
 
 
 def through_lens(scene: Scene, rng: np.random.Generator) -> Array:
