@@ -6,6 +6,7 @@ use super::cone::{ConeFit, EdgePoint, LeftOut, cone_centroid, fit_cone_from, px_
 use super::consensus::of_one_outline;
 use super::edges::edges_on_rays;
 use super::patch::{Patch, Picture};
+use super::rays::BallShade;
 use super::sight::{Look, Sight};
 use crate::camera::Camera;
 use nalgebra::{Matrix2, Vector2};
@@ -102,19 +103,12 @@ pub fn measure_ball(
 ) -> Option<BallOutline> {
     let patch = Patch::around(picture, start)?;
     let aim = Aim::at(start, picture, camera)?;
-    settled(&patch, aim, range, camera, 0).map(|(ball, _)| ball).filter(|ball| range.holds(ball))
+    settled(&patch, aim, range, camera).filter(|ball| range.holds(ball))
 }
 
-/// Rounds from an aim on until the ball settles: the ball, and the aim of the last round. A ball that was found at the aim before needs no `first_round` 0, which
-/// searches it roughly.
-pub(super) fn settled(
-    patch: &Patch,
-    mut aim: Aim,
-    range: &RadiusRange,
-    camera: &Camera,
-    first_round: usize,
-) -> Option<(BallOutline, Aim)> {
-    let mut round = first_round;
+/// Rounds from an aim on until the ball settles.
+fn settled(patch: &Patch, mut aim: Aim, range: &RadiusRange, camera: &Camera) -> Option<BallOutline> {
+    let mut round = 0;
     loop {
         let look = match round {
             0 => Look::Rough,
@@ -127,7 +121,7 @@ pub(super) fn settled(
             .norm()
             .max((next.circle.radius_px - aim.circle.radius_px).abs());
         if round >= ROUNDS || (round + 1 >= ROUNDS && moved < SETTLED_PX) {
-            return Some((ball, aim));
+            return Some(ball);
         }
         aim = next;
     }
@@ -173,7 +167,7 @@ impl Aim {
         camera: &Camera,
         look: Look,
     ) -> Option<(BallOutline, Self)> {
-        self.measured_on(&self.sight(patch, look), patch, range, camera, look)
+        self.measured_on(&self.sight(patch, look), None, patch, range, camera, look)
     }
 
     /// Where a patch is sampled; it serves for others at the same place too.
@@ -183,17 +177,18 @@ impl Aim {
         Sight::new(patch, self.circle.center_px, &self.radius, blur_px, look == Look::Rough)
     }
 
-    /// [`Self::measured`] by this aim's sight.
+    /// [`Self::measured`] by this aim's sight; the light on the ball is fitted where it is not known.
     pub fn measured_on(
         &self,
         sight: &Sight,
+        shade: Option<&BallShade>,
         patch: &Patch,
         range: &RadiusRange,
         camera: &Camera,
         look: Look,
     ) -> Option<(BallOutline, Self)> {
         let (circle, center, count) = (&self.circle, self.circle.center_px, self.radius.len());
-        let edges = edges_on_rays(patch, sight, &self.blur, look);
+        let edges = edges_on_rays(patch, sight, shade, &self.blur, look);
         let blur = edges.blur;
         let found = beside_found(&edges.found, count as f64 / (core::f64::consts::TAU * circle.radius_px));
         let growth = (range.min_px - circle.radius_px, range.max_px - circle.radius_px);

@@ -5,9 +5,10 @@
 //! of the same kind and size, but others; how far they move the centre is known. The same shifts average out such errors in pictures (Nosratinia, "Enhancement of
 //! JPEG-compressed images by re-application of JPEG", 2001).
 
-use super::ball::{Aim, RadiusRange, settled};
+use super::ball::{Aim, RadiusRange};
 use super::circle::Circle;
 use super::patch::{Patch, Picture, Place};
+use super::rays::BallShade;
 use super::recoding::Codec;
 use super::sight::Look;
 use super::surroundings::Surroundings;
@@ -18,6 +19,8 @@ use nalgebra::{Matrix2, Vector2};
 const SHIFTS: [(usize, usize); 4] = [(1, 3), (3, 1), (5, 7), (7, 5)];
 /// Beyond its outline a measurement reads so much of a ball's surroundings, px: how far the edge is searched, the window of the most blur and the colours' zones.
 const READ_PX: f64 = 12.0;
+/// Beyond the last sample of a ray: a pixel's colour is interpolated between samples that are two apart, and both colour and brightness again in the patch.
+const INTERPOLATED_PX: f64 = 3.0;
 /// The part of the sampled variance that the edges' scatter does not hold already. Measured on balls of 7 to 13 px at JPEG qualities 20 to 85.
 const UNSEEN_SHARE: f64 = 0.4;
 /// So much of a covariance of a few samples is taken for round.
@@ -29,8 +32,8 @@ const LEAST_SAMPLES: usize = 2;
 
 /// The covariance (px²) that the rounding of a file's codec adds to the centre of a ball that was found at a circle; None where hardly any sample shows the ball.
 ///
-/// `share · Σ (c_i − c)(c_i − c)ᵀ / n`, c the centre in the picture, c_i in each of n recoded ones. All are measured in one round from where the picture's own
-/// measurement has settled: the samples differ from it by little.
+/// `share · Σ (c_i − c)(c_i − c)ᵀ / n`, c the centre in the picture, c_i in each of n recoded ones. One round from the circle tells the blur; from where it ends the
+/// picture and the recoded ones are measured alike, in one round each: the samples differ from it by little. The light on the ball is the same in all.
 pub fn codec_covariance(
     picture: &Picture<'_>,
     start: &Circle,
@@ -44,17 +47,22 @@ pub fn codec_covariance(
     }
     let place = Place::within(picture, &start.center_px, reach_px)?;
     let patch = Patch::of(place.levels(picture), &place, picture);
-    let (ball, aim) = settled(&patch, Aim::at(start, picture, camera)?.sparse(), range, camera, 1)?;
-    let (across, down) = codec.sampling();
+    let (_, aim) = Aim::at(start, picture, camera)?.sparse().measured(&patch, range, camera, Look::Near)?;
     let sight = aim.sight(&patch, Look::Near);
-    let surroundings = Surroundings::of(codec, picture, &place, &ball.cone.centroid_px, reach_px);
+    let shade = BallShade::of(&patch, &sight);
+    let center_in = |patch: &Patch| {
+        let (ball, _) = aim.measured_on(&sight, Some(&shade), patch, range, camera, Look::Near)?;
+        range.holds(&ball).then_some(ball.cone.centroid_px)
+    };
+    let center_px = center_in(&patch)?;
+    let (across, down) = codec.sampling();
+    let coded_px = sight.outermost_px() + INTERPOLATED_PX;
+    let surroundings = Surroundings::of(codec, picture, &place, &sight.center_px, coded_px.min(reach_px));
     let moved: Vec<Vector2<f64>> = SHIFTS
         .iter()
         .filter_map(|(u, v)| {
             let levels = surroundings.again((u * across, v * down));
-            let sample = Patch::of(levels, &place, picture);
-            let (found, _) = aim.measured_on(&sight, &sample, range, camera, Look::Near)?;
-            range.holds(&found).then(|| found.cone.centroid_px - ball.cone.centroid_px)
+            Some(center_in(&Patch::of(levels, &place, picture))? - center_px)
         })
         .collect();
     variance(&moved, SHIFTS.len()).map(|square| square * UNSEEN_SHARE)

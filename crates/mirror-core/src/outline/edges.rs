@@ -8,7 +8,7 @@ use super::hues::{Hue, hues_of_zones};
 use super::luma::{lens_before_codec, lens_blur_px, luma_edges};
 use super::patch::Patch;
 use super::ray_edge::RayEdge;
-use super::rays::{Rays, Step, mean_and_variance, mean_colour};
+use super::rays::{BallShade, Rays, Step, mean_and_variance, mean_colour};
 use super::scatter::noise_of;
 use super::sight::{Look, STEP_PX, Sight, ZONE_PX};
 use super::unmixing::Unmixing;
@@ -68,10 +68,16 @@ pub(super) struct Edges {
 }
 
 /// Edges of all rays of a sight. Where the outline is only roughly known, the colour's outermost end is taken for it.
-pub(super) fn edges_on_rays(patch: &Patch, sight: &Sight, blur: &Blur, look: Look) -> Edges {
+pub(super) fn edges_on_rays(
+    patch: &Patch,
+    sight: &Sight,
+    shade: Option<&BallShade>,
+    blur: &Blur,
+    look: Look,
+) -> Edges {
     let count = sight.direction.len();
     let turn = core::f64::consts::TAU / count as f64;
-    let rays = Rays::of(patch, sight);
+    let rays = Rays::of(patch, sight, shade);
     let hues = (patch.coded && look != Look::Rough).then(|| hues_of_zones(&rays));
     let mut read = Read::default();
     let mut edges: Vec<RayEdge> = (0..count)
@@ -108,7 +114,7 @@ pub(super) fn edges_on_rays(patch: &Patch, sight: &Sight, blur: &Blur, look: Loo
             .map(|(e, blur)| if e.clipped { CLIPPED_SHARE * blur } else { 0.0 })
             .collect(),
         common_px: common_px(&edges),
-        toward_lamp: rays.toward_lamp,
+        toward_lamp: rays.toward_lamp(),
         curve_deviations: deviations(edges.iter().filter(|e| e.found).map(|e| e.parted)),
         overshoot: overshoot(&edges),
         std_px: edges.iter().map(|e| e.std).collect(),

@@ -6,6 +6,7 @@ use super::shading::Shading;
 use super::sight::{STEP_PX, Sight};
 use core::ops::{Deref, Range};
 use nalgebra::Vector2;
+use std::borrow::Cow;
 
 /// The light on evenly spaced rays from a centre, around the outline expected on each.
 pub(super) struct Rays<'a> {
@@ -13,9 +14,34 @@ pub(super) struct Rays<'a> {
     /// Light of each sample, ray by ray.
     colours: Vec<[f64; 3]>,
     luma: Vec<f64>,
+    shade: Cow<'a, BallShade>,
+}
+
+/// The light on a ball, by sample of the rays of a sight.
+#[derive(Clone)]
+pub(super) struct BallShade {
+    /// Ray by ray, 1 where it is typical, in the patch's values (light or levels).
     shade: Vec<f64>,
     /// As [`Shading::toward_lamp`].
-    pub toward_lamp: Vector2<f64>,
+    toward_lamp: Vector2<f64>,
+}
+
+impl BallShade {
+    /// Of the ball in a patch that lies where the one of the sight did.
+    pub fn of(patch: &Patch, sight: &Sight) -> Self {
+        let shading = Shading::fit(patch, &sight.disc);
+        let shown = |light: f64| if patch.coded { level_of(light) } else { light };
+        let mut shade = Vec::with_capacity(sight.direction.len() * sight.offsets.len());
+        for (direction, radius) in sight.direction.iter().zip(&sight.radius_px) {
+            // Beyond the rim as at the rim.
+            let along = shading.along(*direction);
+            let inner = sight.offsets.iter().take_while(|offset| **offset < 0.0);
+            let end = shade.len() + sight.offsets.len();
+            shade.extend(inner.map(|offset| shown(along(1.0 + offset / radius))));
+            shade.resize(end, shown(along(1.0)));
+        }
+        Self { shade, toward_lamp: shading.toward_lamp() }
+    }
 }
 
 impl Deref for Rays<'_> {
@@ -27,9 +53,9 @@ impl Deref for Rays<'_> {
 }
 
 impl<'a> Rays<'a> {
-    /// Of a patch that lies where the one of the sight did.
-    pub fn of(patch: &Patch, sight: &'a Sight) -> Self {
-        let shading = Shading::fit(patch, &sight.disc);
+    /// Of a patch that lies where the one of the sight did; the light on the ball is fitted where it is not known.
+    pub fn of(patch: &Patch, sight: &'a Sight, shade: Option<&'a BallShade>) -> Self {
+        let shade = shade.map_or_else(|| Cow::Owned(BallShade::of(patch, sight)), Cow::Borrowed);
         let count = sight.direction.len() * sight.offsets.len();
         let mut colours = Vec::with_capacity(count);
         let mut luma = Vec::with_capacity(if patch.coded { count } else { 0 });
@@ -39,17 +65,12 @@ impl<'a> Rays<'a> {
                 luma.push(patch.luma_at(corners));
             }
         }
-        let shown = |light: f64| if patch.coded { level_of(light) } else { light };
-        let mut shade = Vec::with_capacity(count);
-        for (direction, radius) in sight.direction.iter().zip(&sight.radius_px) {
-            // Beyond the rim as at the rim.
-            let along = shading.along(*direction);
-            let inner = sight.offsets.iter().take_while(|offset| **offset < 0.0);
-            let end = shade.len() + sight.offsets.len();
-            shade.extend(inner.map(|offset| shown(along(1.0 + offset / radius))));
-            shade.resize(end, shown(along(1.0)));
-        }
-        Self { sight, colours, luma, shade, toward_lamp: shading.toward_lamp() }
+        Self { sight, colours, luma, shade }
+    }
+
+    /// As [`Shading::toward_lamp`].
+    pub fn toward_lamp(&self) -> Vector2<f64> {
+        self.shade.toward_lamp
     }
 
     fn row(&self, ray: usize) -> Range<usize> {
@@ -69,7 +90,7 @@ impl<'a> Rays<'a> {
 
     /// The ball's brightness along a ray, 1 where it is typical, in the patch's values (light or levels).
     pub fn shade(&self, ray: usize) -> &[f64] {
-        &self.shade[self.row(ray)]
+        &self.shade.shade[self.row(ray)]
     }
 
     /// `∫ f dt` over `edge ± window`, the samples at its ends counted in part, and how much of the window has no samples.

@@ -126,6 +126,11 @@ impl Sight {
         }
     }
 
+    /// Distance of the outermost sample from the centre, px.
+    pub fn outermost_px(&self) -> f64 {
+        self.radius_px.iter().copied().fold(0.0, f64::max) + self.offsets.last().copied().unwrap_or(0.0)
+    }
+
     /// Samples between two places (inclusive).
     pub fn between(&self, low: f64, high: f64) -> Range<usize> {
         let first = self.offsets[0];
