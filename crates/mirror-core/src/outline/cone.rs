@@ -7,9 +7,10 @@
 
 use super::circle::Circle;
 use super::ray_edge::{MIN_EDGE_POINTS, NORMAL_SPREAD};
+use super::shared::SharedErrors;
 use crate::camera::Camera;
 use crate::statistics::median;
-use nalgebra::{Complex, Matrix2, Matrix2x3, Matrix3, Point3, SMatrix, Vector2, Vector3};
+use nalgebra::{Matrix2, Matrix2x3, Matrix3, Point3, Vector2, Vector3};
 use std::sync::LazyLock;
 
 /// Corners of the polygon that represents an outline.
@@ -29,9 +30,6 @@ const LEAST_SPREAD: f64 = 0.5;
 const FAR_OFF: f64 = 2.0;
 /// Steps of the robust refit: inliers are chosen again from the last fit.
 const REFITS: usize = 6;
-/// Errors are correlated over about this angle along the outline, rad; this many harmonics represent them.
-const SHARED_REACH_RAD: f64 = 0.8;
-const SHARED_HARMONICS: usize = 5;
 /// An outline counts as seen all round where the mean of its edges' directions is at most so long (an eighth hidden), and as drawn out where that is this share of the
 /// residuals' squares.
 const MOST_ONE_SIDED: f64 = 0.15;
@@ -155,32 +153,30 @@ pub(super) fn fit_cone_from(
     let rms = (members().map(|i| away[i] * away[i]).sum::<f64>() / number as f64).sqrt();
     let whitened = without_shear(points, &members().collect::<Vec<_>>(), &away, middle_px);
     let freedom = number.saturating_sub(3).max(1) as f64;
+    let correlated = correlation_factor(&whitened);
     let variance = scatter_share * whitened.iter().map(|r| r * r).sum::<f64>() / freedom
-        * correlation_factor(&whitened).max(correlated_points);
+        * correlated.max(correlated_points);
     let mut normal = Matrix3::zeros();
     let (mut common, mut lit) = (Vector3::zeros(), Vector3::zeros());
-    let mut shared = SMatrix::<f64, 3, { 2 * SHARED_HARMONICS }>::zeros();
+    let away_px = |i: usize| points[i].pixel - middle_px;
+    let radius_px = members().map(|i| away_px(i).norm()).sum::<f64>() / number as f64;
+    // (Most neighbours are side by side; a gap is a few of them.)
+    let steps_px = members().zip(members().skip(1)).map(|(i, j)| (points[j].pixel - points[i].pixel).norm());
+    let mut shared = SharedErrors::on(radius_px, correlated * median(steps_px.collect()));
     for i in members() {
         let row = distance_gradient(&rays[i], &parameters, scale) / points[i].std_px;
         normal += row * row.transpose();
-        // The angle's cosine and sine; their multiples by powers.
-        let away = (points[i].pixel - middle_px).try_normalize(0.0).unwrap_or_else(Vector2::x);
-        let (turn, mut turned) = (Complex::new(away.x, away.y), Complex::new(1.0, 0.0));
         let moved = row * (points[i].shared_std_px / points[i].std_px);
+        shared.add(&away_px(i).try_normalize(0.0).unwrap_or_else(Vector2::x), &moved);
         common += row * (points[i].common_px / points[i].std_px);
         lit += row * (points[i].lit_px / points[i].std_px);
-        for k in 0..SHARED_HARMONICS {
-            shared.column_mut(2 * k).axpy(turned.re, &moved, 1.0);
-            shared.column_mut(2 * k + 1).axpy(turned.im, &moved, 1.0);
-            turned *= turn;
-        }
     }
     let spread = normal.symmetric_eigenvalues();
     if !(spread.min() > 0.0 && spread.max() < WORST_CONDITION * spread.min()) {
         return None;
     }
     let inverse = normal.try_inverse()?;
-    let together = shared_information(&shared) + common * common.transpose() + lit * lit.transpose();
+    let together = shared.information() + common * common.transpose() + lit * lit.transpose();
     let covariance = inverse * variance + inverse * together * inverse;
     let outline = cone_centroid(&parameters, camera)?;
     let doubt = if left_out.share > 0.0 {
@@ -253,20 +249,6 @@ fn without_shear(
         return whitened;
     }
     rows.iter().zip(&whitened).map(|(row, value)| value - row.dot(&drawn)).collect()
-}
-
-/// `Σ_ij ρ(θ_i − θ_j) g_i g_jᵀ` from the harmonics of g, ρ a Gaussian of the angle (wrapped, as its Fourier series).
-fn shared_information(harmonics: &SMatrix<f64, 3, { 2 * SHARED_HARMONICS }>) -> Matrix3<f64> {
-    let mut sum = Matrix3::zeros();
-    for k in 0..SHARED_HARMONICS {
-        let (order, sides) = (k as f64, if k == 0 { 1.0 } else { 2.0 });
-        let weight = sides * SHARED_REACH_RAD / core::f64::consts::TAU.sqrt()
-            * (-0.5 * (order * SHARED_REACH_RAD).powi(2)).exp();
-        for column in [harmonics.column(2 * k), harmonics.column(2 * k + 1)] {
-            sum += column * column.transpose() * weight;
-        }
-    }
-    sum
 }
 
 /// The camera's scale at a pixel: px/rad, the root of the area's.

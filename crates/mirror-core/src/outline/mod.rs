@@ -29,7 +29,7 @@
 //! | `channels`, `pattern_curve` | the camera's tone curve from the channels' edges, and from the board's pattern |
 //! | `unmixing` | a colour as a mixture of the ball's and the background's |
 //! | `drawn`, `ghost_light` | the board's pattern as a picture shows it without a lens; light without a pane's ghost |
-//! | `cone` | the cone of rays that touch a sphere, with covariance |
+//! | `cone`, `shared` | the cone of rays that touch a sphere, with covariance; errors that its edges share |
 //! | `whole`, `template` | a ball that is blurred over much of its radius, fitted to all of its pixels; its image |
 //! | `ghost`, `pattern_rows` | the second picture that a pane shows, told by the board's pattern; rows of numbers by pixel |
 //! | `own_colour`, `common_blur` | the part of its colour that the surroundings lack; the blur that balls share |
@@ -62,6 +62,7 @@ mod recoding;
 mod regions;
 mod scatter;
 mod shading;
+mod shared;
 mod sight;
 mod surroundings;
 mod template;
