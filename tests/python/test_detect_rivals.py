@@ -36,7 +36,7 @@ def test_the_nearest_in_space_is_taken_only_at_the_least_odds() -> None:
     assert choose([at(30.0, None), at(30.0 * 1.02 * ratio, None)], EXPECTED, FOCAL_PX)[0] == -1
     assert choose([at(30.0, None), at(61.0, None)], EXPECTED, FOCAL_PX)[0] == 0
     # A few px do not tell balls apart, whatever their ratio.
-    assert choose([at(1.0), at(0.6 * RADIUS_PX)], EXPECTED, FOCAL_PX)[0] == -1
+    assert choose([at(1.0), at(0.5 * RADIUS_PX)], EXPECTED, FOCAL_PX)[0] == -1
 
 
 @pytest.mark.parametrize("model_m", [0.002, 0.005, 0.02])

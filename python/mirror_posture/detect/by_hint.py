@@ -22,7 +22,7 @@ from .marker_judge import (
     size_share,
     widened_by_size,
 )
-from .rivals import Rival, choose, clearly_nearer
+from .rivals import LEAST_APART_RADII, Rival, choose, clearly_nearer
 from .types import FloatArray, MarkerView, PredictedMarker
 
 # Smallest outline that sub-pixel edges can be read from; below, the region's centroid is all there is.
@@ -132,6 +132,6 @@ def _same_place(one: MarkerView, other: MarkerView, radius_px: float) -> bool:
         and other.pixel_px is not None
         and (
             float(np.hypot(one.pixel_px[0] - other.pixel_px[0], one.pixel_px[1] - other.pixel_px[1]))
-            < 0.5 * radius_px
+            < LEAST_APART_RADII * radius_px
         )
     )

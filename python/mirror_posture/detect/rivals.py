@@ -19,8 +19,10 @@ import numpy as np
 from ..short_repr import ShortRepr
 from .types import PredictedMarker
 
-# Least odds of the nearest against the next, and by how many of the ball's radii it must be nearer.
+# Least odds of the nearest against the next, and by how many of the ball's radii it must be nearer: outlines that are nearer to each other are of one ball.
 LEAST_ODDS = 4.0
+LEAST_APART_RADII = 0.5
+# By how many of them something that cannot be measured must be nearer than the chosen one, to mask it.
 NEARER_RADII = 0.7
 AXES = 3
 AXES_WITHOUT_SIZE = 2
@@ -53,7 +55,9 @@ def choose(rivals: Sequence[Rival], expected: PredictedMarker, focal_px: float) 
     order = np.argsort(off)
     nearest, second = off[order[0]], off[order[1]]
     axes = AXES_WITHOUT_SIZE if rivals[0].size is None else AXES
-    if second >= LEAST_ODDS ** (1.0 / axes) * nearest and second - nearest >= _clearly_px(expected):
+    if second >= LEAST_ODDS ** (1.0 / axes) * nearest and second - nearest >= (
+        LEAST_APART_RADII * _radius_px(expected)
+    ):
         return int(order[0]), ""
     first, other = (rivals[int(index)] for index in order[:2])
     u, v = other.pixel_px
@@ -70,8 +74,8 @@ def clearly_nearer(other: Rival, chosen: Rival, expected: PredictedMarker, focal
         apart = chosen.off_px(expected, focal_px) - other.off_px(expected, focal_px)
     else:
         apart = chosen.across_px(expected) - other.across_px(expected)
-    return apart > _clearly_px(expected)
+    return apart > NEARER_RADII * _radius_px(expected)
 
 
-def _clearly_px(expected: PredictedMarker) -> float:
-    return NEARER_RADII * float(expected.ball_radius_px or 0.0)
+def _radius_px(expected: PredictedMarker) -> float:
+    return float(expected.ball_radius_px or 0.0)
