@@ -25,12 +25,14 @@ impl Search<'_> {
     ///
     /// The first sum is over the causes: all effects are equally probable, and so are an effect's places
     /// ([`Catalogue::log_prior`](crate::diagnose::effects::hypothesis::Catalogue::log_prior)). The second is a penalty for each further
-    /// cause at one joint or link ([`LOG_PRIOR_SAME_PLACE`]), and excludes a third one ([`LOG_PRIOR_CROWD`]). Both, and the priors of
+    /// cause at one joint or link ([`LOG_PRIOR_SAME_PLACE`]), and excludes a third one ([`LOG_PRIOR_CROWD`]); one of the group's small errors is none. Both, and the priors of
     /// free-form errors and groups, are in `principles.rs`.
     fn log_prior(&self, model: &Model) -> f64 {
         let place = |t: &Term| self.catalogue.hypotheses[t.hypothesis].place.node();
         let terms = &model.terms;
-        let named = |t: &&Term| !self.catalogue.is_free(t.hypothesis) && place(t).is_some();
+        let named = |t: &&Term| {
+            !self.catalogue.is_free(t.hypothesis) && place(t).is_some() && !self.is_of_the_group(t)
+        };
         let crowding: f64 = terms
             .iter()
             .filter(named)
@@ -42,6 +44,13 @@ impl Search<'_> {
             .sum();
         let scene = &self.problem.scene;
         terms.iter().map(|t| self.catalogue.log_prior(scene, t.hypothesis, t.variant)).sum::<f64>() + crowding
+    }
+
+    /// Whether a cause is one of the group's small errors that is larger than these: a zero beside two laws of its
+    /// joint is in the model in any case, and is no third law.
+    fn is_of_the_group(&self, term: &Term) -> bool {
+        let columns = || self.catalogue.columns(&self.problem.scene, term);
+        !self.group.columns.is_empty() && columns().iter().all(|c| self.group.columns.contains(c))
     }
 
     /// Log of evidence times prior.
