@@ -20,8 +20,13 @@ pub(crate) fn tell_step(findings: &mut Findings<'_>, prepared: &Prepared) -> Res
     let left = seen_size(&findings.after);
     let (search, found) = (&findings.search, &findings.found);
     let (group, measured) = (&search.group, search.detector_noise());
+    // What slipped was found after the step.
+    let mut as_logged = as_logged.clone();
+    as_logged.slips.clone_from(&search.problem.slips);
+    as_logged.mistake_parameters.clone_from(&search.problem.mistake_parameters);
+    as_logged.fit_boards()?;
     findings.after =
-        held_out(as_logged, search.catalogue, group, &found.fit.model, found.noise, measured, true)?;
+        held_out(&as_logged, search.catalogue, group, &found.fit.model, found.noise, measured, true)?;
     findings.before = in_sample(&prepared.given, &prepared.given.nominal(), measured)?;
     let here = UnexplainedPlace {
         place: Some(Place::Joint(step.node)),

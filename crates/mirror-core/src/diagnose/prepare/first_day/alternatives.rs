@@ -149,7 +149,8 @@ impl<'a> Session<'a> {
         let mut places: Vec<Vec<usize>> = Vec::new();
         let mut out = Vec::new();
         for columns in [&of_robot[..], self.log] {
-            for (first, last) in (0..columns.len()).flat_map(|a| (a + 2..columns.len()).map(move |b| (a, b)))
+            // Short runs first: a longer one may differ in columns only that nothing shows.
+            for (first, last) in (2..columns.len()).flat_map(|n| (n..columns.len()).map(move |b| (b - n, b)))
             {
                 // Exchanges of neighbours carry one column through all others: forward, or back.
                 let neighbours = columns[first..=last].windows(2).map(|two| (two[0], two[1]));
@@ -194,13 +195,7 @@ impl<'a> Session<'a> {
 
     /// Loss of each frame, summed over its observations, and their number.
     pub fn frame_losses(&self, variant: &Variant) -> Vec<(f64, usize)> {
-        let all: Vec<usize> = (0..self.problem.frames.len()).collect();
-        let mut out = vec![(0.0, 0); all.len()];
-        for d in self.misfit.distances(variant, &all) {
-            out[d.frame].0 += self.misfit.loss(d.size_m);
-            out[d.frame].1 += 1;
-        }
-        out
+        self.misfit.frame_losses(variant)
     }
 
     /// The same where the frame of measured points, and unknown mounts, are known.

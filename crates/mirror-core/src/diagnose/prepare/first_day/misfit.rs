@@ -13,7 +13,7 @@ use crate::diagnose::model::camera_and_mirror::Eye;
 use crate::diagnose::model::deformation::Deformation;
 use crate::diagnose::model::frame::FrameWork;
 use crate::diagnose::model::pose::Pose;
-use crate::diagnose::model::problem::{Observation, Problem, Seen};
+use crate::diagnose::model::problem::{BoardFit, Observation, Problem, Seen};
 use crate::diagnose::principles::{FAR_DEVIATIONS, FEWEST_OBSERVATIONS, Prior, Size, Threshold};
 use crate::error::Result;
 use nalgebra::{Point3, Vector3};
@@ -31,8 +31,23 @@ pub(super) const GROSS: Threshold = 0.12;
 /// board repeatedly.
 const MOST_REMEMBERED: Size = 64;
 
-/// Positions between camera and board and the squares' size, each less the nominal one, and where the mirror then is.
-type Remembered = Vec<(Vec<f64>, Option<Vector3<f64>>)>;
+/// Positions between camera and board and the squares' size, each less the nominal one, and what the board then shows.
+type Remembered = Vec<(Vec<f64>, Option<SeenBoard>)>;
+
+/// The mirror that a board shows, and how far its corners are from it, m.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct SeenBoard {
+    pub foot: Vector3<f64>,
+    pub size_m: f64,
+}
+
+impl SeenBoard {
+    fn of(fit: &BoardFit, focal_px: f64) -> Self {
+        let rms_px = (fit.chi2_px2 / fit.corners.max(1) as f64).sqrt();
+        // The board appears as far behind the mirror as it is in front of it.
+        Self { foot: fit.foot, size_m: rms_px * 2.0 * fit.foot.norm() / focal_px }
+    }
+}
 
 /// The distance of one observation, m.
 #[derive(Debug, Clone, Copy)]
@@ -48,8 +63,11 @@ pub(super) struct Misfit<'a> {
     eye: Option<Eye>,
     /// The known deformation of the nominal model.
     known: Deformation,
-    /// The mirrors as the boards show them at the recorded positions.
-    feet: Vec<Option<Vector3<f64>>>,
+    /// What the boards show at the recorded positions.
+    boards: Vec<Option<SeenBoard>>,
+    /// Whether a board counts as an observation: where no mirror explains some, a joint between it and the camera may be
+    /// elsewhere.
+    with_boards: bool,
     /// Of each frame, the mirrors at other positions.
     at_others: Vec<Mutex<Remembered>>,
     /// Size of usual errors, m.
@@ -63,10 +81,13 @@ impl<'a> Misfit<'a> {
     /// Invalid parameters of camera or mirror.
     pub fn new(problem: &'a Problem) -> Result<Self> {
         let (reach, known) = (problem.scene.reach_m, problem.nominal());
+        let eye = problem.eye(&known)?;
+        let focal_px = eye.as_ref().map_or(1.0, |eye| eye.nominal_focal.x);
         Ok(Self {
-            eye: problem.eye(&known)?,
+            eye,
             known,
-            feet: problem.boards.iter().map(|b| b.map(|b| b.foot)).collect(),
+            boards: problem.boards.iter().map(|b| b.as_ref().map(|b| SeenBoard::of(b, focal_px))).collect(),
+            with_boards: false,
             at_others: problem.boards.iter().map(|_| Mutex::default()).collect(),
             usual_m: (USUAL_SHARE * reach).clamp(USUAL_BOUNDS_M.0, USUAL_BOUNDS_M.1),
             problem,
@@ -81,10 +102,11 @@ impl<'a> Misfit<'a> {
         let mut out = Self { eye: problem.eye(known)?, known: known.clone(), ..Self::new(problem)? };
         if problem.needs_fresh_board(known) {
             let mut work = FrameWork::rough(problem);
-            for (frame, foot) in out.feet.iter_mut().enumerate() {
-                *foot = foot.and_then(|nominal| {
-                    let fit = work.fit_board(problem, known, out.eye.as_ref(), frame, Some(nominal))?;
-                    Some(fit.foot)
+            let focal_px = out.focal_px();
+            for (frame, board) in out.boards.iter_mut().enumerate() {
+                *board = board.and_then(|nominal| {
+                    let fit = work.fit_board(problem, known, out.eye.as_ref(), frame, Some(nominal.foot))?;
+                    Some(SeenBoard::of(&fit, focal_px))
                 });
             }
         }
@@ -104,6 +126,15 @@ impl<'a> Misfit<'a> {
             out.usual_m = out.usual_m.min(FAR_DEVIATIONS * median);
         }
         Ok(out)
+    }
+
+    /// The same with each board as one further observation.
+    pub fn with_boards(self) -> Self {
+        Self { with_boards: true, ..self }
+    }
+
+    fn focal_px(&self) -> f64 {
+        self.eye.as_ref().map_or(1.0, |eye| eye.nominal_focal.x)
     }
 
     /// The loss of a distance.
@@ -127,7 +158,8 @@ impl<'a> Misfit<'a> {
         if self.problem.cancel.is_cancelled() {
             return (f64::INFINITY, f64::INFINITY);
         }
-        let mut sums = vec![(0.0, 0.0); self.problem.marker_sites.len()];
+        // The last one is the board's.
+        let mut sums = vec![(0.0, 0.0); self.problem.marker_sites.len() + 1];
         let mut add = |marker: usize, size_m: f64| {
             let loss = self.loss(size_m);
             sums[marker].0 += loss;
@@ -139,7 +171,8 @@ impl<'a> Misfit<'a> {
                 add(d.marker, d.size_m);
             }
         } else {
-            let most: usize = frames.iter().map(|&f| self.problem.frames[f].others.len()).sum();
+            let boards = if self.with_boards { frames.len() } else { 0 };
+            let most = boards + frames.iter().map(|&f| self.problem.frames[f].others.len()).sum::<usize>();
             let (mut total, mut work) = (0.0, Work::new(self.problem));
             for &frame in frames {
                 self.of_frame(&mut work, variant, frame, |marker, size_m| total += add(marker, size_m));
@@ -166,13 +199,34 @@ impl<'a> Misfit<'a> {
         let mut work = Work::new(self.problem);
         for &frame in frames {
             self.of_frame(&mut work, variant, frame, |marker, size_m| {
-                out.push(Distance { frame, marker, size_m });
+                if marker < self.problem.marker_sites.len() {
+                    out.push(Distance { frame, marker, size_m });
+                }
             });
         }
         out
     }
 
-    /// Passes each observation's marker and distance of one frame on.
+    /// Sum of the losses of each frame, and the number of its observations.
+    pub fn frame_losses(&self, variant: &Variant) -> Vec<(f64, usize)> {
+        let all: Vec<usize> = (0..self.problem.frames.len()).collect();
+        let mut out = vec![(0.0, 0); all.len()];
+        let mut add = |frame: usize, size_m: f64| {
+            out[frame].0 += self.loss(size_m);
+            out[frame].1 += 1;
+        };
+        if self.problem.unknown_frame.is_some() {
+            self.distances_in_unknown_frame(variant, &all).iter().for_each(|d| add(d.frame, d.size_m));
+        } else {
+            let mut work = Work::new(self.problem);
+            for frame in all {
+                self.of_frame(&mut work, variant, frame, |_, size_m| add(frame, size_m));
+            }
+        }
+        out
+    }
+
+    /// Passes each observation's marker and distance of one frame on; of the board the number of markers.
     pub fn of_frame(
         &self,
         work: &mut Work,
@@ -181,7 +235,11 @@ impl<'a> Misfit<'a> {
         mut with: impl FnMut(usize, f64),
     ) {
         let problem = self.problem;
-        let (camera_from_world, foot) = self.pose(work, variant, frame);
+        let (camera_from_world, board) = self.pose(work, variant, frame);
+        let foot = board.map(|board| board.foot);
+        if self.with_boards && !problem.frames[frame].corners.is_empty() {
+            with(problem.marker_sites.len(), board.map_or(UNKNOWN_STD, |board| board.size_m));
+        }
         for observation in &problem.frames[frame].others {
             match observation {
                 Observation::Pixel { seen: Seen::Marker(m), via, pixel } => {
@@ -213,18 +271,18 @@ impl<'a> Misfit<'a> {
         }
     }
 
-    /// Poses a frame: afterwards the nodes' poses are in `work`; returns the world in the camera's frame, and the mirror.
+    /// Poses a frame: afterwards the nodes' poses are in `work`; returns the world in the camera's frame, and the mirror as the board shows it.
     pub fn pose(
         &self,
         work: &mut Work,
         variant: &Variant,
         frame: usize,
-    ) -> (Option<Pose>, Option<Vector3<f64>>) {
+    ) -> (Option<Pose>, Option<SeenBoard>) {
         // A mirror that is fitted again poses the frame itself.
-        let foot = self.foot(work, variant, frame);
+        let board = self.board(work, variant, frame);
         variant.nodes(&self.problem.scene.body, frame, &mut work.positions);
         work.frame.pose_as(self.problem, &self.known, frame, &work.positions);
-        (self.eye.as_ref().map(|eye| work.frame.camera_from_world(self.problem, eye)), foot)
+        (self.eye.as_ref().map(|eye| work.frame.camera_from_world(self.problem, eye)), board)
     }
 
     /// Where a marker is, in the world, in the frame that was posed last.
@@ -251,9 +309,9 @@ impl<'a> Misfit<'a> {
         }
     }
 
-    /// The mirror of a frame. It depends on the size of the board's squares, and on the joints between camera and board.
-    fn foot(&self, work: &mut Work, variant: &Variant, frame: usize) -> Option<Vector3<f64>> {
-        let known = self.feet[frame]?;
+    /// What the board of a frame shows. It depends on the size of its squares, and on the joints between camera and board.
+    fn board(&self, work: &mut Work, variant: &Variant, frame: usize) -> Option<SeenBoard> {
+        let known = self.boards[frame]?;
         let scene = &self.problem.scene;
         let between = &self.problem.between_camera_and_board;
         let larger = variant.squares - 1.0;
@@ -263,9 +321,9 @@ impl<'a> Misfit<'a> {
             return Some(known);
         }
         if let Ok(remembered) = self.at_others[frame].lock()
-            && let Some((_, foot)) = remembered.iter().find(|(at, _)| *at == changes)
+            && let Some((_, board)) = remembered.iter().find(|(at, _)| *at == changes)
         {
-            return *foot;
+            return *board;
         }
         let deformation = work.moved.get_or_insert_with(|| self.known.clone());
         for (&n, change) in between.iter().zip(&changes) {
@@ -274,13 +332,13 @@ impl<'a> Misfit<'a> {
         }
         deformation.board_scale_error = self.known.board_scale_error + larger;
         let fit = work.frame.fit_board(self.problem, deformation, self.eye.as_ref(), frame, None);
-        let foot = fit.map(|fit| fit.foot);
+        let board = fit.map(|fit| SeenBoard::of(&fit, self.focal_px()));
         if let Ok(mut remembered) = self.at_others[frame].lock()
             && remembered.len() < MOST_REMEMBERED
         {
-            remembered.push((changes, foot));
+            remembered.push((changes, board));
         }
-        foot
+        board
     }
 
     /// As [`Misfit::distances`], with robust estimates of the frame of the measured points and of unknown mounts.

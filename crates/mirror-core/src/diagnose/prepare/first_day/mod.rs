@@ -50,12 +50,12 @@ mod variant;
 mod verify;
 mod wandering;
 
-use crate::diagnose::data::recording::Recording;
+use crate::diagnose::data::recording::{Frame, Recording, Target};
 use crate::diagnose::likelihood::probability::tempered;
 use crate::diagnose::model::deformation::Deformation;
 use crate::diagnose::model::problem::Problem;
 use crate::diagnose::prepare::first_result::FirstResult;
-use crate::diagnose::principles::{BEYOND_DOUBT, Size};
+use crate::diagnose::principles::{BEYOND_DOUBT, FEWEST_FRAMES, Size};
 use crate::error::Result;
 use crate::robot::Robot;
 use alternatives::Session;
@@ -66,6 +66,7 @@ use mistake::Changes;
 pub(crate) use mistake::{Mistake, unit_near};
 pub(crate) use resolutions::resolution_near;
 pub(crate) use spoilt::{Lost, Step, column};
+use undone::arranged_again;
 pub(crate) use undone::{Doubt, Undone};
 use variant::Variant;
 
@@ -216,14 +217,32 @@ fn of_the_body(
     Ok(choice)
 }
 
+/// Whether joints move the board before the camera, and boards that are in the recording were left out.
+fn boards_may_hang_on_joints(session: &Undone) -> bool {
+    let problem = &session.problem;
+    let moved = problem.between_camera_and_board.iter().any(|&n| problem.scene.moves(n));
+    let seen = |frame: &Frame| frame.sightings.iter().any(|s| matches!(s.target, Target::Corner(_)));
+    let without = problem.frames.iter().zip(&session.recording.frames);
+    moved
+        && without.filter(|(arranged, frame)| arranged.corners.is_empty() && seen(frame)).count()
+            >= FEWEST_FRAMES
+}
+
 fn chain_of_the_body(
     session: &Undone,
     without: &[String],
     (known, spoilt): (Option<&FirstResult>, bool),
     lines: &mut Vec<String>,
 ) -> Result<choice::Choice> {
-    let problem = &session.problem;
+    // Where no mirror explains a board, a joint between it and the camera may be elsewhere.
+    let whole = if boards_may_hang_on_joints(session) {
+        Some(arranged_again(&session.robot, &session.recording, &session.problem)?)
+    } else {
+        None
+    };
+    let problem = whole.as_ref().unwrap_or(&session.problem);
     let misfit = Misfit::new(problem)?;
+    let misfit = if whole.is_some() { misfit.with_boards() } else { misfit };
     let log = &session.recording.columns;
     let all = Session::new(problem, &misfit, log);
     let mut frames = spread(&all.postures, FRAMES, 1);

@@ -107,7 +107,8 @@ fn sights(
     let mut work = Work::new(problem);
     let mut out = Vec::new();
     for &frame in frames {
-        let (camera, foot) = misfit.pose(&mut work, variant, frame);
+        let (camera, board) = misfit.pose(&mut work, variant, frame);
+        let foot = board.map(|board| board.foot);
         let node_from_world = work.frame.world_from_site(site).inverse();
         for observation in &problem.frames[frame].others {
             match observation {
