@@ -200,7 +200,7 @@ impl<'a> Session<'a> {
 
     /// The same where the frame of measured points, and unknown mounts, are known.
     fn losses_where(&self, placed: &Placed, variant: &Variant) -> Vec<(f64, usize)> {
-        let mut work = Work::new(self.problem);
+        let mut work = self.misfit.work();
         work.placed = Some(placed.clone());
         let mut of = |frame: usize| {
             let mut out = (0.0, 0);
@@ -278,7 +278,7 @@ impl<'a> Session<'a> {
         }
         let own = self.frame_losses(variant);
         let all: Vec<usize> = (0..own.len()).collect();
-        let mut work = Work::new(self.problem);
+        let mut work = self.misfit.work();
         work.placed = self.misfit.placed(variant, &all);
         for &(joint, _) in &self.joints {
             let column = variant.column(joint);

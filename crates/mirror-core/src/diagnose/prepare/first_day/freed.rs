@@ -1,7 +1,7 @@
 //! A joint's positions as they fit best, posture by posture: where its column says nothing of it.
 
 use super::alternatives::{Session, least, range};
-use super::misfit::Work;
+
 use super::placed::Placed;
 use super::variant::Variant;
 use crate::diagnose::principles::Size;
@@ -54,7 +54,7 @@ impl Session<'_> {
     pub fn freed_at(&self, variant: &Variant, free: &Free<'_>, placed: Option<&Placed>) -> Variant {
         let (joint, (low, high)) = (free.joint, free.bounds);
         let mut out = variant.clone();
-        let mut work = Work::new(self.problem);
+        let mut work = self.misfit.work();
         work.placed = placed.cloned();
         for (own, frames) in free.postures(self) {
             let mut loss = |q: f64| {

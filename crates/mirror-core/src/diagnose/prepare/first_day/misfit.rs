@@ -133,6 +133,14 @@ impl<'a> Misfit<'a> {
         Self { with_boards: true, ..self }
     }
 
+    /// Memory for this.
+    pub fn work(&self) -> Work {
+        let nodes = self.problem.scene.nodes();
+        // A rough fit of a board does not show whether a mirror explains it.
+        let frame = if self.with_boards { FrameWork::new } else { FrameWork::rough }(self.problem);
+        Work { positions: vec![0.0; nodes], frame, moved: None, placed: None }
+    }
+
     fn focal_px(&self) -> f64 {
         self.eye.as_ref().map_or(1.0, |eye| eye.nominal_focal.x)
     }
@@ -173,7 +181,7 @@ impl<'a> Misfit<'a> {
         } else {
             let boards = if self.with_boards { frames.len() } else { 0 };
             let most = boards + frames.iter().map(|&f| self.problem.frames[f].others.len()).sum::<usize>();
-            let (mut total, mut work) = (0.0, Work::new(self.problem));
+            let (mut total, mut work) = (0.0, self.work());
             for &frame in frames {
                 self.of_frame(&mut work, variant, frame, |marker, size_m| total += add(marker, size_m));
                 if total > limit * most as f64 {
@@ -196,7 +204,7 @@ impl<'a> Misfit<'a> {
             return self.distances_in_unknown_frame(variant, frames);
         }
         let mut out = Vec::new();
-        let mut work = Work::new(self.problem);
+        let mut work = self.work();
         for &frame in frames {
             self.of_frame(&mut work, variant, frame, |marker, size_m| {
                 if marker < self.problem.marker_sites.len() {
@@ -218,7 +226,7 @@ impl<'a> Misfit<'a> {
         if self.problem.unknown_frame.is_some() {
             self.distances_in_unknown_frame(variant, &all).iter().for_each(|d| add(d.frame, d.size_m));
         } else {
-            let mut work = Work::new(self.problem);
+            let mut work = self.work();
             for frame in all {
                 self.of_frame(&mut work, variant, frame, |_, size_m| add(frame, size_m));
             }
@@ -359,7 +367,7 @@ impl<'a> Misfit<'a> {
 
     /// The measured points of some frames.
     pub fn points(&self, variant: &Variant, frames: &[usize]) -> Vec<PointSeen> {
-        let mut work = Work::new(self.problem);
+        let mut work = self.work();
         let mut out = Vec::new();
         for &frame in frames {
             self.pose(&mut work, variant, frame);
@@ -401,13 +409,6 @@ pub(super) struct Work {
     moved: Option<Deformation>,
     /// The unknown frame of measured points, if it is taken as known.
     pub placed: Option<Placed>,
-}
-
-impl Work {
-    pub fn new(problem: &Problem) -> Self {
-        let nodes = problem.scene.nodes();
-        Self { positions: vec![0.0; nodes], frame: FrameWork::rough(problem), moved: None, placed: None }
-    }
 }
 
 /// Distance of an image point from its prediction, at the depth of what it shows, m.

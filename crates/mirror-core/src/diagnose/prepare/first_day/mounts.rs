@@ -1,6 +1,6 @@
 //! Markers that are fixed to another body than the model says: their place on it, from all of their observations.
 
-use super::misfit::{GROSS, Misfit, Work};
+use super::misfit::{GROSS, Misfit};
 use super::mistake::Mistake;
 use super::placed::{Placed, PointSeen};
 use super::variant::Variant;
@@ -68,7 +68,7 @@ fn elsewhere_in_unknown_frame(
         loss > GROSS * own().count() as f64 && own().count() >= FEWEST_OBSERVATIONS
     };
     let mut out = Vec::new();
-    let mut work = Work::new(problem);
+    let mut work = misfit.work();
     for marker in (0..problem.marker_sites.len()).filter(|&m| is_off(m)) {
         let mut known = problem.scene.mount_known.clone();
         known[marker] = false;
@@ -104,7 +104,7 @@ fn sights(
     marker: usize,
     site: &Site,
 ) -> Vec<Sight> {
-    let mut work = Work::new(problem);
+    let mut work = misfit.work();
     let mut out = Vec::new();
     for &frame in frames {
         let (camera, board) = misfit.pose(&mut work, variant, frame);
