@@ -75,6 +75,11 @@ impl Prepared {
         };
         if let Some(slip) = &slip {
             problem.leave_out(slip.first..=slip.last);
+        }
+        if undone.as_ref().is_some_and(|u| u.all_boards) {
+            left_out.extend(leave_out_wrong_grids(&mut problem));
+        }
+        if slip.is_some() {
             problem.noise = noise::estimate(&problem, &nominal, stated)?;
         }
         Ok(Self { given, arranged, problem, stated, slip, left_out, undone })

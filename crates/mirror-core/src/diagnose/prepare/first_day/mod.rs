@@ -98,6 +98,7 @@ pub(crate) fn undone(
         doubts: Vec::new(),
         left_out: Vec::new(),
         wrong_grids: None,
+        all_boards: false,
         mistakes: Vec::new(),
         unsettled: false,
         lost: None,
@@ -211,6 +212,13 @@ fn of_the_body(
     let mut choice = chain_of_the_body(session, without, (known, spoilt), &mut lines)?;
     let all = choice.mistakes.len();
     // Slipped rows are found, and left out, by the stage that follows; the squares' size by the search.
+    let of_rows = choice.mistakes.iter().any(|m| matches!(m, Mistake::Rows { .. }));
+    if of_rows && boards_may_hang_on_joints(session) {
+        // What the slipped rows show is needed to find them.
+        session.problem = arranged_again(&session.robot, &session.recording, &session.problem)?;
+        session.wrong_grids = Some(Vec::new());
+        session.all_boards = true;
+    }
     choice.mistakes.retain(|m| !matches!(m, Mistake::Rows { .. } | Mistake::Squares { .. }));
     session.unsettled = choice.mistakes.len() < all;
     session.trace.append(&mut lines);

@@ -29,6 +29,8 @@ pub(crate) struct Undone {
     pub left_out: Vec<LeftOut>,
     /// Boards that no mirror explains with the mistakes undone; none where nothing was undone.
     pub wrong_grids: Option<Vec<LeftOut>>,
+    /// Whether boards that no mirror explains are still in the problem: rows contain other rows' pictures.
+    pub all_boards: bool,
     /// The mistakes, in the order in which they were undone.
     pub(super) mistakes: Vec<Mistake>,
     /// Whether rows contain other rows' measurements, or the board's squares have another size. Later stages handle
