@@ -16,6 +16,7 @@ from mirror_posture.robots import Nominal
 from mirror_posture.viewpoint import View
 from tracked_session import JOINTS
 
+HEAD = ("head_yaw", "head_pitch")
 NOISE_PX = 0.1
 ENCODER_NOISE_RAD = 0.0005
 TURNS_RAD = ((-0.06, 0.0), (0.06, 0.04))
@@ -29,9 +30,11 @@ def write_mirrored(
     postures: int = 40,
     encoders: bool = False,
     built: Callable[[str], str] = lambda urdf: urdf,
+    head_rad: float = 0.0,
 ) -> Path:
     """Random postures of the embedded robot's right arm, each before two mirrors; `actual` gives the joints' real positions,
-    `built` the URDF of the body that is seen, of which the session's model does not know.
+    `built` the URDF of the body that is seen, of which the session's model does not know. The head, which carries the camera,
+    turns by up to `head_rad`.
     """
     nominal = Nominal.load()
     lens, rng = lens_of(nominal), np.random.default_rng(seed)
@@ -42,18 +45,20 @@ def write_mirrored(
         [],
     )
     limits = nominal.joint_limits
-    low = np.array([max(limits[j].lower, -1.2) for j in JOINTS])
-    high = np.array([min(limits[j].upper, 1.2) for j in JOINTS])
-    columns = [*JOINTS, *(f"measured:{j}" for j in JOINTS if encoders)]
+    joints = (*JOINTS, *HEAD) if head_rad else JOINTS
+    most = {j: head_rad if j in HEAD else 1.2 for j in joints}
+    low = np.array([max(limits[j].lower, -most[j]) for j in joints])
+    high = np.array([min(limits[j].upper, most[j]) for j in joints])
+    columns = [*joints, *(f"measured:{j}" for j in joints if encoders)]
     frames, rows = [f"frame,posture,time_s,{','.join(columns)}"], ["frame,target,index,u,v,via"]
     board = body.link_poses()["chest_board"][:3, 3]
     for number in range(postures):
-        q = dict(zip(JOINTS, map(float, rng.uniform(low, high)), strict=True))
+        q = dict(zip(joints, map(float, rng.uniform(low, high)), strict=True))
         real = actual(q)
         body.move(real)
         for k, (yaw, pitch) in enumerate(TURNS_RAD):
             frame = len(TURNS_RAD) * number + k
-            read = [real[j] + rng.normal(0.0, ENCODER_NOISE_RAD) for j in JOINTS] if encoders else []
+            read = [real[j] + rng.normal(0.0, ENCODER_NOISE_RAD) for j in joints] if encoders else []
             frames.append(
                 f"{frame},{number},{2.0 * frame},{','.join(repr(float(x)) for x in [*q.values(), *read])}"
             )

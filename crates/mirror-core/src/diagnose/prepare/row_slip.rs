@@ -100,7 +100,9 @@ pub(crate) fn is_slipped(
 fn gain_of(own: Option<f64>, other: Option<f64>) -> f64 {
     match (own, other) {
         (Some(a), Some(b)) => (a - b).clamp(-2.0 * BEYOND_DOUBT, 2.0 * BEYOND_DOUBT),
-        _ => -2.0 * BEYOND_DOUBT,
+        // What shows nothing neither ends a run nor is counted for it.
+        (None, _) => 0.0,
+        (Some(_), None) => -2.0 * BEYOND_DOUBT,
     }
 }
 
