@@ -23,6 +23,7 @@ use crate::diagnose::prepare::row_slip::{Slip, is_slipped};
 use crate::diagnose::random_effects::free_form::free_forms;
 use crate::diagnose::report::board_shape::{NotFlat, not_flat};
 use crate::diagnose::report::build;
+use crate::diagnose::report::optics_together;
 use crate::diagnose::report::reservations::{
     background_was_taken, hangs_on_regions, noise_may_be_larger, reserve,
 };
@@ -186,6 +187,7 @@ pub(crate) fn diagnose(
     diagnosis.warnings.extend(positions_are_rounded(&findings)?);
     diagnosis.warnings.extend(noise_may_be_larger(&findings)?);
     reserve(&mut diagnosis, &findings);
+    optics_together::limit(&mut diagnosis);
     let not_flat = not_flat(&findings)?;
     if options.markers {
         diagnosis.markers = seen_markers(&findings)?;

@@ -11,6 +11,7 @@ mod joint_signatures;
 mod members;
 pub(super) mod named_causes;
 mod one_scale;
+pub(crate) mod optics_together;
 mod places;
 pub(super) mod plots;
 pub(super) mod reservations;

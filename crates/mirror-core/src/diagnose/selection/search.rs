@@ -443,9 +443,18 @@ impl Search<'_> {
         let ranked = self.ranked(self.scored(sums, &best.model, noise)?, &[i, k]);
         let merged = self.fitted(&ranked, noise, self.options.refined, None)?;
         let same_place = |f: &&Fit| f.model.terms.last().is_some_and(|t| node(t) == node(&terms[i]));
-        let Some(one) = merged.iter().find(same_place) else { return Ok(best) };
-        let one =
-            self.fit_with_slack(&one.model, Some(one.model.terms.len() - 1), noise, SOLVER.final_steps)?;
+        // Few steps do not show how far each law comes: a play stands for sticking, up to where the joint turns back.
+        let fitted = merged
+            .par_iter()
+            .filter(same_place)
+            .map(|one| {
+                let last = one.model.terms.len() - 1;
+                self.fit_with_slack(&one.model, Some(last), noise, SOLVER.final_steps)
+            })
+            .collect::<Result<Vec<Fit>>>()?;
+        let best_of =
+            fitted.into_iter().max_by(|a, b| self.log_posterior(a).total_cmp(&self.log_posterior(b)));
+        let Some(one) = best_of else { return Ok(best) };
         let two = self.fit_with_slack(&best.model, Some(i), noise, SOLVER.final_steps)?;
         if self.log_posterior(&one) > self.log_posterior(&two) {
             let name = |t: usize| self.catalogue.name(&self.problem.scene, terms[t].hypothesis);

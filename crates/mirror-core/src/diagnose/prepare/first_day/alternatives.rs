@@ -188,8 +188,11 @@ impl<'a> Session<'a> {
         // Where the measurements are late, all columns are early.
         let parts = if finely { LATE_PARTS_OF_ALL } else { LATE_PARTS };
         let early = (1..=LATE_ROWS).map(|rows| rows as f64);
-        let early = early.chain((1..parts).map(|part| part as f64 / parts as f64));
-        out.extend(early.map(|rows| Mistake::Late { joint: None, rows: -rows, kind: LateKind::Follow }));
+        let of_parts = (1..parts).map(|part| part as f64 / parts as f64);
+        let early = early.map(|rows| (rows, LateKind::Follow));
+        let early = early.chain(of_parts.clone().map(|rows| (rows, LateKind::Follow)));
+        let early = early.chain(of_parts.map(|rows| (rows, LateKind::Blend)));
+        out.extend(early.map(|(rows, kind)| Mistake::Late { joint: None, rows: -rows, kind }));
         out
     }
 

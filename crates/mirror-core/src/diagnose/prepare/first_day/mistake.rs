@@ -8,7 +8,7 @@ use crate::diagnose::model::body::{NodeId, Site};
 use crate::diagnose::model::pose::Pose;
 use crate::diagnose::model::problem::Problem;
 use crate::diagnose::model::slips::{Slip, Slipped};
-use crate::diagnose::principles::Size;
+use crate::diagnose::principles::Guard;
 use crate::error::Result;
 use crate::robot::Robot;
 use core::f64::consts::{FRAC_PI_2, PI, TAU};
@@ -337,10 +337,13 @@ impl Mistake {
             Self::LogFrozen { joint, first, last } => (first..=last).map(|f| (f, Some(joint))).collect(),
             Self::Late { joint, rows, kind } => {
                 let lost = (rows.abs().ceil() as usize).min(frames);
-                // A mixture is undone from one end; the error of the start decays over some rows.
-                let blended = if kind == LateKind::Blend { BLEND_ROWS.min(frames) } else { 0 };
                 // Of an early column the positions of the first rows are not in the log.
-                let (at_start, at_end) = if rows < 0.0 { (lost, 0) } else { (blended, lost) };
+                let (mut at_start, mut at_end) = if rows < 0.0 { (lost, 0) } else { (0, lost) };
+                if kind == LateKind::Blend {
+                    let part = rows - rows.floor();
+                    let end = if part <= 0.5 { &mut at_start } else { &mut at_end };
+                    *end = (*end).max(rows_of_decay(part)).min(frames);
+                }
                 let end = (frames - at_end..frames).map(|f| (f, joint));
                 (0..at_start).map(|f| (f, joint)).chain(end).collect()
             }
@@ -349,8 +352,15 @@ impl Mistake {
     }
 }
 
-/// Rows after which a blend that was undone from one end is right.
-const BLEND_ROWS: Size = 2;
+/// A share of the first position's error that changes nothing.
+const OF_THE_START: Guard = 0.01;
+
+/// Rows after which a mixture that was undone from one end is right: from row to row the error of the start shrinks by
+/// `min(p, 1 − p) / max(p, 1 − p)`.
+fn rows_of_decay(part: f64) -> usize {
+    let ratio = part.min(1.0 - part) / part.max(1.0 - part);
+    (OF_THE_START.ln() / ratio.ln()).ceil() as usize
+}
 
 /// The camera's centre at another resolution: pixel centres lie at whole numbers.
 pub(super) fn scaled_center(center: &Vector2<f64>, factor: f64) -> Vector2<f64> {
@@ -369,14 +379,15 @@ pub(super) fn in_time(column: &[f64], rows: f64, kind: LateKind) -> Vec<f64> {
             .collect(),
         LateKind::Blend => {
             let late: Vec<f64> = (0..count).map(|f| shifted(f, whole as i64)).collect();
-            unblended(&late, part)
+            // An end from which it is undone starts at its own position.
+            unblended(&late, part, column)
         }
     }
 }
 
 /// Solves `log_f = (1 − p) θ_f + p θ_{f−1}` from the end at which errors die out.
-fn unblended(log: &[f64], part: f64) -> Vec<f64> {
-    let mut out = log.to_vec();
+fn unblended(log: &[f64], part: f64, start: &[f64]) -> Vec<f64> {
+    let mut out = start.to_vec();
     if part <= 0.5 {
         for f in 1..out.len() {
             out[f] = (log[f] - part * out[f - 1]) / (1.0 - part);
