@@ -69,6 +69,29 @@ def test_a_marker_on_another_link_is_found_in_an_unknown_frame(tmp_path: Path) -
     assert found.verdict == "explained" and "being fixed to link:r_forearm" in found.sentence
 
 
+def y_negated(_head: list[str], rows: Rows) -> Rows:
+    return [[*row[:3], repr(-float(row[3])), row[4]] for row in rows]
+
+
+def test_points_in_a_left_handed_frame_are_no_joints_that_turn_the_other_way(tmp_path: Path) -> None:
+    """An arm's mirror image is the arm with the signs of its joints about one direction reversed, up to its offsets."""
+    folder = write_chain(tmp_path / "s", 36, {2: 0.03}, model_axes=NO_ROLLS)
+    found = diagnose(changed(folder, "points.csv", y_negated))
+    assert {"points_mirrored@data", "joint_offset@joint:a3"} <= said(found), found.sentence
+    assert not any(c.effect in ("axis_sign", "link_length") for c in found.causes)
+    assert "measured points in a left-handed frame" in found.sentence
+    (zero,) = [c for c in found.causes if c.effect == "joint_offset"]
+    assert abs(zero.parameters["offset_rad"].value - 0.03) < 0.003
+
+
+def test_in_a_known_frame_the_coordinate_with_the_wrong_sign_is_told(tmp_path: Path) -> None:
+    folder = write_tracked(tmp_path / "s", SEED)
+    found = diagnose(changed(folder, "points.csv", y_negated))
+    (mirrored,) = [c for c in found.causes if c.effect == "points_mirrored"]
+    assert mirrored.parameters["axis"].value == 2.0 and mirrored.probability > 0.9, found.sentence
+    assert found.verdict == "explained" and len(found.causes) == 1, found.sentence
+
+
 def test_names_exchanged_in_a_run_of_rows_are_no_joint_that_stands_still(tmp_path: Path) -> None:
     folder = unknown(write_tracked(tmp_path / "s", SEED))
     other = {"r_hand": "r_forearm", "r_forearm": "r_hand"}

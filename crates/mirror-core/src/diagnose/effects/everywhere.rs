@@ -33,7 +33,7 @@ const fn not_a_mistake(name: &'static str, signature: &'static str, remedy: &'st
 }
 
 /// In the order of the public vocabulary.
-pub(crate) const EVERYWHERE: [MistakeInfo; 14] = [
+pub(crate) const EVERYWHERE: [MistakeInfo; 15] = [
     not_a_mistake(
         "geometry",
         "small errors of many places together, none of which is an outlier",
@@ -78,6 +78,12 @@ pub(crate) const EVERYWHERE: [MistakeInfo; 14] = [
         "markers_swapped",
         "two markers fit each other's places, in the frames listed",
         "exchange the two names in the frames listed (in session.toml, where it is all of them), several pairs one after the other as they are listed",
+        WrittenTo::Nothing,
+    ),
+    mistake(
+        "points_mirrored",
+        "the measured points fit as in a mirror",
+        "write the measured points in a right-handed frame: change the sign of one coordinate, or exchange the two that were exchanged, and record again",
         WrittenTo::Nothing,
     ),
     mistake(

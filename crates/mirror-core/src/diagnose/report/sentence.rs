@@ -90,6 +90,7 @@ fn of_place(effect: &str, at: &str) -> String {
     match (effect, at.split_once("<-")) {
         ("geometry", _) => "many small errors of the robot's geometry".into(),
         ("pairing", _) => "rows of the data that contain the measurement of other rows".into(),
+        ("points_mirrored", _) => "measured points in a left-handed frame".into(),
         ("marker_parent", Some((marker, link))) => format!("{marker} being fixed to {link}"),
         (effect, Some((joint, other))) if joint.ends_with("<->") || other.starts_with('>') => {
             format!("{} of {} and {}", effect.replace('_', " "), joint, other.trim_start_matches('>'))

@@ -223,6 +223,13 @@ impl Search<'_> {
         chosen
     }
 
+    /// Whether the score test ranks any hypothesis so high that it might be added once it is fitted.
+    pub(super) fn might_add(&self, ranked: &Ranked) -> bool {
+        let best = self.most_promising(&ranked.screening.scores, 1, None);
+        let log_odds = |s: &Score| s.log_bayes + self.catalogue.hypotheses[s.hypothesis].log_prior;
+        best.first().is_some_and(|s| log_odds(s) >= self.options.least_log_odds)
+    }
+
     /// Refines discrete unknowns (friction torques) between the values that were screened.
     pub(super) fn refine_variants(&self, mut best: Fit, noise: Noise) -> Result<Fit> {
         for i in 0..best.model.terms.len() {

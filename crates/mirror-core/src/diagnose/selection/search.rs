@@ -232,12 +232,14 @@ impl Search<'_> {
         let mut sums = None;
         let mut seen = vec![hypotheses_of(&best)];
         while best.model.terms.len() < self.options.most_causes {
+            let ranked = self.ranked(self.scored(&mut sums, &best.model, noise)?, &[]);
             if self.problem.budget.is_spent() {
-                trace.push("the search ends at its limit of work".into());
-                cut_off = true;
+                cut_off = self.might_add(&ranked);
+                if cut_off {
+                    trace.push("the search ends at its limit of work".into());
+                }
                 break;
             }
-            let ranked = self.ranked(self.scored(&mut sums, &best.model, noise)?, &[]);
             let candidates = self.fitted(&ranked, noise, self.options.refined, None)?;
             let Some(first) = candidates.first() else { break };
             // Weighed at the noise that the larger model leaves: the smaller one must not hide behind its own misfit.

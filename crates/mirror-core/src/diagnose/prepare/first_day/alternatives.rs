@@ -104,6 +104,16 @@ impl<'a> Session<'a> {
         SQUARES.iter().map(|&factor| Mistake::Squares { factor }).collect()
     }
 
+    /// Measured points in a left-handed frame. An unknown frame can be turned, so one coordinate is as good as another.
+    pub fn of_points(&self, variant: &Variant) -> Vec<Mistake> {
+        let measured = |o: &Observation| matches!(o, Observation::Point { .. });
+        if variant.mirrored.is_some() || !self.problem.frames.iter().any(|f| f.others.iter().any(measured)) {
+            return Vec::new();
+        }
+        let axes = if self.problem.unknown_frame.is_some() { 2..3 } else { 0..3 };
+        axes.map(|axis| Mistake::PointsMirrored { axis }).collect()
+    }
+
     /// Two like chains of joints exchanged at once: left and right.
     fn sides(&self) -> Vec<Mistake> {
         let body = &self.problem.scene.body;

@@ -159,6 +159,7 @@ pub(super) fn extended(
     mistakes.extend(session.of_rows(&chain.variant));
     mistakes.extend(session.of_stops(&chain.variant));
     mistakes.extend(session.of_squares(&chain.variant));
+    mistakes.extend(session.of_points(&chain.variant));
     // If half of the markers or more are displaced, their common observer is wrong.
     let elsewhere = chain.mistakes.iter().filter(|m| matches!(m, Mistake::MarkerParent { .. })).count();
     if 2 * (elsewhere + 1) < session.problem.marker_sites.len().max(3) {

@@ -207,7 +207,7 @@ impl<'a> Misfit<'a> {
                     let marker = variant.labels[frame][*marker];
                     let point = self.marker(&work.frame, variant, frame, marker);
                     let observer = work.frame.world_from_site(&site);
-                    with(marker, (position - observer.inverse_point(&point)).norm());
+                    with(marker, (variant.measured(*position) - observer.inverse_point(&point)).norm());
                 }
             }
         }
@@ -326,6 +326,7 @@ impl<'a> Misfit<'a> {
         let root = posed.world_from_site(&self.problem.scene.body.root).inverse();
         let mount = root.then(&posed.world_from_site(&self.problem.marker_mounts[marker]));
         let at = root.point(&self.marker(posed, variant, frame, marker));
+        let position = variant.measured(position);
         PointSeen { frame, marker, position, local: mount.inverse_point(&at), mount }
     }
 

@@ -64,6 +64,9 @@ pub(crate) enum Mistake {
     Resolution { factor: f64, offset_px: Vector2<f64> },
     /// The picture is mirrored: 1 left and right, 2 up and down, 3 both.
     Flipped { flip: u8 },
+    /// The measured points are in a left-handed frame: this coordinate has the wrong sign. In an unknown frame any one
+    /// is as good as another.
+    PointsMirrored { axis: usize },
     /// The board's squares are larger by this factor. It is searched for so that nothing else is taken for it, and
     /// left to the search, which finds it as `board_scale`.
     Squares { factor: f64 },
@@ -133,6 +136,7 @@ impl Mistake {
                 frames.iter().for_each(|&f| variant.exchange_labels(f, markers));
             }
             Self::Squares { factor } => variant.squares *= factor,
+            Self::PointsMirrored { axis } => variant.mirrored = Some(axis),
             Self::MarkerParent { marker, node, place } => {
                 let r = variant.sites[marker].node_from_site.r;
                 variant.sites[marker] = Site { node, node_from_site: Pose { r, t: place } };
@@ -165,6 +169,11 @@ impl Mistake {
                 }
             }
             Self::Flipped { flip } => flip_pictures(recording, *flip),
+            Self::PointsMirrored { axis } => {
+                for point in recording.frames.iter_mut().flat_map(|f| &mut f.points) {
+                    point.position_m[*axis] = -point.position_m[*axis];
+                }
+            }
             Self::BoardTurned { quarters } => turn_board(recording, *quarters),
             Self::MarkersSwapped { markers, frames } => {
                 for &f in frames {
@@ -254,6 +263,7 @@ impl Mistake {
             Self::AxisSign { .. }
             | Self::JointsSwapped { .. }
             | Self::ColumnsSwapped { .. }
+            | Self::PointsMirrored { .. }
             | Self::AllUnits { .. } => true,
             Self::JointUnit { factor, .. } => is_unit(*factor),
             Self::Zero { offset, .. } => (offset / FRAC_PI_2).fract() == 0.0,
@@ -294,6 +304,7 @@ impl Mistake {
             Self::MarkersSwapped { .. } => "markers_swapped",
             Self::Resolution { .. } => "camera_resolution",
             Self::Flipped { .. } => "picture_flipped",
+            Self::PointsMirrored { .. } => "points_mirrored",
             Self::BoardTurned { .. } => "board_turned",
             Self::Squares { .. } => "board_scale",
             Self::MarkerParent { .. } => "marker_parent",

@@ -152,6 +152,13 @@ pub(super) fn reported(
             &[("flip", f64::from(*flip), 0.0)],
             "the pictures are mirrored or turned",
         )],
+        // In an unknown frame no coordinate is wrong by itself.
+        Mistake::PointsMirrored { axis } => {
+            let which: &[_] =
+                if problem.unknown_frame.is_some() { &[] } else { &[("axis", (axis + 1) as f64, 0.0)] };
+            let words = "the measured points are in a left-handed frame: a coordinate has the wrong sign, or two are exchanged";
+            vec![cause("points_mirrored", "data".into(), which, words)]
+        }
         Mistake::BoardTurned { quarters } => vec![cause(
             "board_turned",
             "board".into(),

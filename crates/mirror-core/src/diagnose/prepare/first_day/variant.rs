@@ -3,6 +3,7 @@
 use crate::diagnose::data::recording::Recording;
 use crate::diagnose::model::body::{Body, NodeId, Site};
 use crate::diagnose::model::problem::Problem;
+use nalgebra::Vector3;
 
 /// Positions row by row, which joints have the other sign, the marker of each name, and where markers are mounted.
 #[derive(Debug, Clone)]
@@ -17,6 +18,8 @@ pub(super) struct Variant {
     pub sites: Vec<Site>,
     /// Factor between the size of the board's squares and the session's.
     pub squares: f64,
+    /// The coordinate of measured points that has the wrong sign, if one has.
+    pub mirrored: Option<usize>,
 }
 
 impl Variant {
@@ -34,6 +37,7 @@ impl Variant {
             positions,
             sites: problem.marker_sites.clone(),
             squares: 1.0,
+            mirrored: None,
         }
     }
 
@@ -54,6 +58,14 @@ impl Variant {
     /// exchanges, and their order counts.
     pub fn exchange_labels(&mut self, frame: usize, markers: (usize, usize)) {
         self.labels[frame].iter_mut().for_each(|marker| *marker = other_of(markers, *marker));
+    }
+
+    /// A measured point in a right-handed frame.
+    pub fn measured(&self, mut position: Vector3<f64>) -> Vector3<f64> {
+        if let Some(axis) = self.mirrored {
+            position[axis] = -position[axis];
+        }
+        position
     }
 
     /// A joint's column.
