@@ -18,6 +18,7 @@ use crate::diagnose::effects::hypothesis::{Model, Term};
 use crate::diagnose::likelihood::fit::FitOptions;
 use crate::diagnose::likelihood::probability::tempered;
 use crate::diagnose::likelihood::score_test::Score;
+use crate::diagnose::model::solver::SOLVER;
 use crate::diagnose::principles::{MAJORITY, TEMPER, WORTH_NAMING};
 use crate::diagnose::random_effects::geometric_tolerances::Geometry;
 use crate::diagnose::selection::alternatives::held_out_odds;
@@ -83,7 +84,54 @@ pub(crate) fn keep_survivors(findings: &mut Findings<'_>, ranking: &[Score]) -> 
             standing.limited(bagged(alone), (share - alone).max(0.0) / (1.0 - alone));
         }
     }
+    likelier_instead(findings)?;
     told_as_members(findings);
+    Ok(())
+}
+
+/// Puts an alternative that resamples find more often in its cause's place, unless held-out regions speak against
+/// it by as much: then they limit its probability.
+fn likelier_instead(findings: &mut Findings<'_>) -> Result<()> {
+    let catalogue = findings.search.catalogue;
+    let count = findings.found.fit.model.terms.len();
+    if findings.found.fit.model.terms.iter().any(|t| catalogue.is_free(t.hypothesis)) {
+        return Ok(());
+    }
+    // The last, since the alternative becomes the last of the model.
+    for i in (0..count).rev() {
+        let Some(Some(standing)) = findings.standings.get(i) else { continue };
+        let Some(rival) = standing.likelier() else { continue };
+        let (search, found) = (&findings.search, &findings.found);
+        let own = &found.fit.model.terms[i];
+        let own = (own.hypothesis, own.variant);
+        let known = found.fit.model.terms.iter().any(|t| t.hypothesis == rival.hypothesis);
+        if known || findings.geometry.as_ref().is_some_and(|g| g.holds(catalogue, rival.hypothesis)) {
+            continue;
+        }
+        let rest = search.taken_out(&found.fit.model, i, found.noise)?;
+        let with = rest.with(catalogue, rival.hypothesis, rival.variant);
+        let next = search.fit(&with, found.noise, SOLVER.final_steps)?;
+        let gap = search.held_out(&next.model, found.noise)?;
+        let pooled = standing.pooled(held_out_odds(&gap, &findings.after, found.noise));
+        if pooled <= 1.0 {
+            let mut held_back = standing.clone();
+            held_back.hold_back(pooled);
+            findings.standings[i] = Some(held_back);
+            continue;
+        }
+        let name = |h: usize| catalogue.name(&search.problem.scene, h);
+        let line = format!(
+            "{} in place of {}, which resamples find less often",
+            name(rival.hypothesis),
+            name(own.0)
+        );
+        let standing = standing.exchanged(own, rival.hypothesis);
+        findings.found.trace.push(line);
+        findings.found.fit = next;
+        findings.after = gap;
+        findings.standings.remove(i);
+        findings.standings.push(Some(standing));
+    }
     Ok(())
 }
 

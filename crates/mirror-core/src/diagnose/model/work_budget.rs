@@ -29,7 +29,7 @@ const PREDICTED: u64 = 110;
 const MOST_OF_FRAME: u64 = 7_500_000;
 const FEWEST_FRAMES: usize = 200;
 /// What all diagnoses of a session may spend together, in units of that.
-const OF_SESSION: f64 = 1.25;
+const OF_SESSION: f64 = 1.6;
 
 /// The share of the work for each stage except the search for named causes: gross mistakes before it, free-form
 /// errors and small errors everywhere after it. What a stage does not use is left for later ones.

@@ -9,7 +9,7 @@
 //! | --- | --- | --- |
 //! | a column is not used, or a joint has another zero from a row on: neither is a named cause | assumes neither | explains everything, without a mistake of a column, or slips in place of the zero. It may give reason for doubt itself |
 //! | a ratio is named twice at one joint, or does not differ from the model's; a picture of another size together with a focal length that cancels it; a slip by fewer than twelve deviations; slipped rows that fit their own postures once the causes are known | leaves out that mistake | explains everything, or leaves no larger gap |
-//! | gravity is named as turned, and something is unexplained | leaves out that | explains everything, or leaves no larger gap |
+//! | gravity is named as turned, and something is unexplained, or no cause depends on a load | leaves out that | explains everything, or leaves no larger gap |
 //! | several markers are named on other links | leaves out that | explains everything, and leaves no larger gap, or one by less than held-out regions show |
 //! | a joint's error is independent in each posture, together with a mistake of its column, a marker on another link, or slipped rows | leaves out all such mistakes | leaves less than twice as much. It is always accepted if these errors are more than half of what the column moves: the column is unrelated to the joint |
 //! | a mistake of a column leaves more than half of the gap | leaves out the same | finds that joint's error independent in each posture, and leaves less than twice as much |
@@ -19,7 +19,7 @@
 //! | the observations left out as false lie together | searches in the same way | explains everything and leaves out less than half of them |
 //!
 //! All diagnoses of a session share one budget of work. Where it is used up no further one begins, and the result says
-//! so. A second diagnosis that ended at the limit is accepted only if it leaves no larger gap.
+//! so. A second diagnosis that ended at the limit is accepted only if it explains everything or leaves no larger gap.
 
 mod reason;
 #[cfg(test)]
@@ -113,7 +113,9 @@ fn accepted(
             Some(left) => takes_most(left, &found.diagnosis),
             None => reason.believes(&second.diagnosis, &found.diagnosis),
         };
-        let ended = !second.budget.is_spent() || left(&second.diagnosis) <= left(&found.diagnosis);
+        let ended = !second.budget.is_spent()
+            || second.diagnosis.verdict == Verdict::Explained
+            || left(&second.diagnosis) <= left(&found.diagnosis);
         if believed && ended {
             second.diagnosis.trace.insert(0, reason.words().into());
             return Ok(second);

@@ -3,6 +3,7 @@
 use crate::diagnose::assessment::false_together::lies_together;
 use crate::diagnose::data::diagnosis::{Cause, Diagnosis, Verdict};
 use crate::diagnose::data::recording::Recording;
+use crate::diagnose::effects::vocabulary;
 use crate::diagnose::pipeline::Outcome;
 use crate::diagnose::principles::{FAR_DEVIATIONS, LEAST_HELD_OUT_RATIO, MAJORITY, SURE_DEVIATIONS};
 use crate::diagnose::selection::nonparametric::BY_ITSELF;
@@ -12,6 +13,8 @@ pub(super) const SLIP: &str = "slip";
 pub(super) const FIRST_FRAME: &str = "first_frame";
 const PAIRING: &str = "pairing";
 const GRAVITY: &str = "gravity_direction";
+/// Small errors everywhere, springs among them.
+const GROUP: &str = "geometry";
 /// A camera's picture of another size, and the effect that appears if there is none: a crop is an offset of the
 /// centre alone.
 const RESIZED: (&str, &str) = ("camera_resolution", "camera_focal");
@@ -45,7 +48,7 @@ pub(super) enum Reason {
     Weak,
     /// A picture of another size is named, together with a focal length that cancels it.
     Resized,
-    /// Gravity is named as turned, and something is unexplained.
+    /// Gravity is named as turned, and something is unexplained, or nothing yields to a load.
     Gravity,
     /// Several markers are named on other links: their names may be exchanged.
     SeveralOnOtherLinks,
@@ -243,10 +246,14 @@ fn is_weak(first: &Diagnosis, mistakes: &[Cause]) -> bool {
     !explains(first) && mistakes.iter().any(is_of_a_column) && left(first) > MAJORITY * before
 }
 
-/// Whether gravity is named as turned and something is unexplained: where many small things are wrong, one spring with a turned gravity
-/// may be the best single cause of all.
+/// Whether gravity is named as turned although something is unexplained (where many small things are wrong, one spring
+/// with a turned gravity may be the best single cause of all), or although nothing yields to a load: then its direction
+/// changes no prediction.
 pub(super) fn is_turned_in_vain(causes: &[Cause], verdict: Verdict) -> bool {
-    causes.iter().any(|c| c.effect == GRAVITY) && leaves_something(verdict)
+    let yields = |c: &Cause| {
+        c.effect == GROUP || vocabulary().iter().any(|e| e.name() == c.effect && e.depends_on_load())
+    };
+    causes.iter().any(|c| c.effect == GRAVITY) && (leaves_something(verdict) || !causes.iter().any(yields))
 }
 
 /// Whether a ratio is named at one joint both as a gross mistake and as a small cause.

@@ -57,5 +57,10 @@ fn gravity_that_was_turned_and_leaves_something_is_asked_of_twice() {
     let both = [spring.clone(), gravity];
     assert!(is_turned_in_vain(&both, Verdict::Partial) && !is_turned_in_vain(&both, Verdict::Explained));
     assert!(!is_turned_in_vain(&[spring], Verdict::Partial));
+    // Nothing yields to a load: the direction of gravity changes no prediction.
+    let [_, gravity] = both.clone();
+    let zero = cause("joint_offset", "joint:elbow");
+    assert!(is_turned_in_vain(&[gravity.clone(), zero], Verdict::Explained));
+    assert!(!is_turned_in_vain(&[gravity, cause("geometry", "robot")], Verdict::Explained));
     assert_eq!(Reason::Gravity.without(), ["gravity_direction"]);
 }

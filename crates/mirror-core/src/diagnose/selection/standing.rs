@@ -32,7 +32,7 @@ impl Standing {
     }
 
     /// The alternative that is more probable than the cause.
-    pub(super) fn likelier(&self) -> Option<&Rival> {
+    pub fn likelier(&self) -> Option<&Rival> {
         self.rivals.first().filter(|r| r.probability > self.probability && r.probability > self.nothing)
     }
 
@@ -45,7 +45,7 @@ impl Standing {
 
     /// The same factor once held-out regions count as well, which favour the alternative by these log odds: both
     /// opinions are pooled with equal weights (Genest and Zidek 1986).
-    pub(super) fn pooled(&self, held_out: f64) -> f64 {
+    pub fn pooled(&self, held_out: f64) -> f64 {
         (self.challenged() * (TEMPER * held_out).exp()).sqrt()
     }
 
@@ -67,6 +67,22 @@ impl Standing {
             let part = if among > 0.0 { rival.probability / among } else { 1.0 / count };
             rival.probability += lost * to_rivals * part;
         }
+    }
+
+    /// Limits the alternatives to this many times the cause's probability, which does not change.
+    pub fn hold_back(&mut self, by: f64) {
+        let scale = (by / self.challenged()).min(1.0);
+        self.rivals.iter_mut().for_each(|r| r.probability *= scale);
+    }
+
+    /// The same with an alternative in the cause's place, and the cause, given by hypothesis and variant, among its
+    /// alternatives.
+    pub fn exchanged(&self, own: (usize, f64), rival: usize) -> Self {
+        let mut rivals = self.rivals.clone();
+        let Some(other) = rivals.iter_mut().find(|r| r.hypothesis == rival) else { return self.clone() };
+        let its = other.probability;
+        *other = Rival { hypothesis: own.0, variant: own.1, probability: self.probability };
+        Self::of(its, rivals, self.nothing)
     }
 
     /// The alternatives are more probable than the cause by this factor at most, instead of what the evidence alone
@@ -107,6 +123,22 @@ mod tests {
         assert!((standing.probability - 0.4).abs() < 1e-12 && (standing.nothing - 0.06).abs() < 1e-12);
         assert!((standing.rivals[0].probability - 0.2).abs() < 1e-12);
         assert!((standing.challenged() - challenged).abs() < 1e-12);
+    }
+
+    #[test]
+    fn an_alternative_takes_the_place_of_its_cause() {
+        let rival = |hypothesis, probability| Rival { hypothesis, variant: 0.0, probability };
+        let standing = Standing::of(0.1, vec![rival(7, 0.5), rival(8, 0.2)], 0.19);
+        let after = standing.exchanged((3, 1.5), 7);
+        assert_eq!((after.probability, after.nothing), (0.5, 0.19));
+        let told: Vec<_> = after.rivals.iter().map(|r| (r.hypothesis, r.variant, r.probability)).collect();
+        assert_eq!(told, [(8, 0.0, 0.2), (3, 1.5, 0.1)]);
+        assert!(after.likelier().is_none() && standing.likelier().is_some());
+        let mut held_back = standing.clone();
+        held_back.hold_back(0.5);
+        let told: Vec<_> = held_back.rivals.iter().map(|r| r.probability).collect();
+        assert!((told[0] - 0.05).abs() < 1e-12 && (told[1] - 0.02).abs() < 1e-12, "{told:?}");
+        assert_eq!(held_back.probability, 0.1);
     }
 
     #[test]
