@@ -150,7 +150,9 @@ pub(crate) fn beside_free_forms<'a>(
     // Beside a free warp of all pictures an offset of the markers' alone would take a part of that.
     let own = |h: usize| found.fit.model.terms.iter().any(|t| t.hypothesis == h);
     let of_detection = (0..all.hypotheses.len()).filter(|&h| all.effect(h).is_of_detection() && !own(h));
-    let left_out = search.options.left_out.iter().copied().chain(of_detection).collect();
+    // What a free mount does is no error without a law.
+    let of_mounts = (0..all.hypotheses.len()).filter(|&h| !own(h) && is_in_group(search, all, h));
+    let left_out = search.options.left_out.iter().copied().chain(of_detection).chain(of_mounts).collect();
     let wide = Search {
         catalogue: all,
         options: SearchOptions { most_causes, left_out, named_only: false, ..search.options.clone() },
@@ -166,6 +168,16 @@ pub(crate) fn beside_free_forms<'a>(
     let in_place_of_pieces = enough && (mounts_free || terms > 1);
     let prior = if free && !in_place_of_pieces { LOG_PRIOR_STRUCTURE } else { 0.0 };
     Ok(Some(BesideFreeForms { search: beside, found: result, log_odds: odds + prior }))
+}
+
+/// Whether a free-form error has no columns but the group's.
+fn is_in_group(search: &Search<'_>, all: &Catalogue, hypothesis: usize) -> bool {
+    let with = Model::nominal(&search.problem).with(all, hypothesis, 0.0);
+    all.is_free(hypothesis)
+        && with.terms.last().is_some_and(|term| {
+            let columns = all.columns(&search.problem.scene, term);
+            columns.iter().all(|column| search.group.columns.contains(column))
+        })
 }
 
 /// The search with free-form errors. Beside causes that are `enough` it is from the most probable set of one linear model of
