@@ -161,6 +161,24 @@ def test_a_board_that_flutters_is_not_nothing(sound: Path, tmp_path: Path) -> No
     assert "in each picture in another way" in " ".join([found.sentence, *found.warnings]), found.sentence
 
 
+def test_corners_found_beside_their_place_are_left_out_and_no_bent_board(sound: Path, tmp_path: Path) -> None:
+    rng = np.random.default_rng(11)
+    off: list[tuple[int, str]] = []
+
+    def some(head: list[str], rows: Rows) -> Rows:
+        for row in rows:
+            if row[1] == "board" and rng.random() < 0.005:
+                row[3], row[4] = (repr(float(row[k]) + (12.0 if rng.random() < 0.5 else -12.0)) for k in (3, 4))
+                off.append((int(row[0]), row[head.index("index")]))
+        return rows
+
+    found = diagnose(changed(sound, tmp_path / "s", "detections.csv", some))
+    told = [one for one in found.data.left_out if one.target == "board"]
+    assert [(one.frame, one.why.split()[1]) for one in told] == off and len(off) > 8, told
+    assert found.verdict == "explained" == diagnose(sound).verdict, found.sentence
+    assert "bent" not in " ".join([found.sentence, *found.warnings])
+
+
 def test_a_file_of_another_crop_is_one_mistake_of_the_file(sound: Path, tmp_path: Path) -> None:
     """Another resolution explains most of it at first, and a focal length would then undo its factor."""
     folder = tmp_path / "s"

@@ -37,6 +37,7 @@ pub use loss::Loss;
 pub use optics::{ApparentPoint, MirrorOptics, SeenPixel};
 pub use options::EstimatorOptions;
 pub use planar::{AlternativePose, PlanarPose, planar_pose};
+pub(crate) use planar_start::closed_form_poses;
 pub use point_pair::{PointPairPlane, point_pair_plane};
 pub use rig::Rig;
 pub use sphere::{Sphere, SphereProjection};

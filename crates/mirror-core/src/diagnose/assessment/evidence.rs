@@ -58,6 +58,10 @@ pub(crate) fn data(sources: &Sources<'_>, findings: &Findings<'_>) -> Result<Dat
             let few = format!("too few corners: {corners}, needed {FEWEST_CORNERS}");
             tell("board", None, if corners < FEWEST_CORNERS { &few } else { LeftOut::NO_MIRROR });
         }
+        for corner in arranged.false_corners.iter().filter(|corner| corner.frame == f) {
+            let why = format!("corner {} lies beside the grid of the others, which are used", corner.index);
+            tell("board", Some(corner.deviations), &why);
+        }
         let names = &arranged.scene.marker_names;
         let residuals = if known { work.residuals_of(others) } else { vec![None; others.len()] };
         let mut kept = clean.frames[f].others.iter().filter(|o| o.marker().is_some()).peekable();

@@ -5,6 +5,7 @@ use crate::diagnose::likelihood::normal_equations::{chunks, counts};
 use crate::diagnose::likelihood::saturated::free_markers;
 use crate::diagnose::model::camera_and_mirror::FootPoints;
 use crate::diagnose::model::deformation::Deformation;
+use crate::diagnose::model::false_corners::{extent, homography_rows};
 use crate::diagnose::model::frame::{FrameWork, Task};
 use crate::diagnose::model::problem::{Noise, Problem};
 use crate::diagnose::model::robust::OUTLIER_FRACTION;
@@ -112,15 +113,12 @@ fn smooth_part_removed(residuals: &[(Vector2<f64>, Vector2<f64>)]) -> Option<(f6
     if count < 8 {
         return None;
     }
-    let center = residuals.iter().map(|r| r.0).sum::<Vector2<f64>>() / count as f64;
-    let size = residuals.iter().map(|r| (r.0 - center).norm()).fold(1e-9, f64::max);
+    let (center, size) = extent(residuals.iter().map(|r| r.0));
     let mut h = SMatrix::<f64, 8, 8>::zeros();
     let mut g = SVector::<f64, 8>::zeros();
     let mut total = 0.0;
     for (at, r) in residuals {
-        let p = (at - center) / size;
-        let u = SVector::<f64, 8>::from([1.0, p.x, p.y, 0.0, 0.0, 0.0, p.x * p.x, p.x * p.y]);
-        let v = SVector::<f64, 8>::from([0.0, 0.0, 0.0, 1.0, p.x, p.y, p.x * p.y, p.y * p.y]);
+        let [u, v] = homography_rows((at - center) / size);
         h += u * u.transpose() + v * v.transpose();
         g += u * r.x + v * r.y;
         total += r.norm_squared();

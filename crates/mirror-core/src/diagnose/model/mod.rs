@@ -4,6 +4,7 @@ pub(super) mod body;
 pub(super) mod camera_and_mirror;
 pub(super) mod deformation;
 pub(super) mod elementary;
+pub(super) mod false_corners;
 pub(super) mod frame;
 pub(super) mod free_optics;
 pub(super) mod free_values;

@@ -7,6 +7,7 @@ use crate::diagnose::data::recording::{PointsFrame, Recording, Target, Tolerance
 use crate::diagnose::model::body::Site;
 use crate::diagnose::model::deformation::Deformation;
 use crate::diagnose::model::elementary::Atom;
+use crate::diagnose::model::false_corners::FalseCorner;
 use crate::diagnose::model::mistake_parameters::MistakeParameter;
 use crate::diagnose::model::pose::Pose;
 use crate::diagnose::model::scene::Scene;
@@ -112,6 +113,8 @@ pub(crate) struct Problem {
     pub tolerances: Tolerances,
     /// Each frame's mirror as the board shows it with nominal optics; none where too few corners were seen.
     pub boards: Vec<Option<BoardFit>>,
+    /// Corners that are left out because they lie beside the grid of the others.
+    pub false_corners: Vec<FalseCorner>,
     /// Nodes that carry exactly one of camera and board.
     pub between_camera_and_board: Vec<usize>,
     /// Looked at whenever an eye is made, and in every frame that is evaluated.
@@ -233,6 +236,7 @@ impl Problem {
             point_noise_stated: recording.point_std_m.is_some(),
             tolerances: recording.tolerances.clone(),
             boards: Vec::new(),
+            false_corners: Vec::new(),
             between_camera_and_board,
             cancel: Cancel::default(),
             budget: WorkBudget::of(recording.frames.len(), corners_seen, setup),

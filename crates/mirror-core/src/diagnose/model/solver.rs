@@ -6,7 +6,8 @@ pub(crate) const NEGLIGIBLE: f64 = 1e-6;
 
 /// Steps and tolerances of all solvers of the diagnosis.
 pub(crate) struct Solver {
-    /// Gauss–Newton steps for a board's plane; it starts within millimetres and converges quadratically.
+    /// Gauss–Newton steps for a board's plane: it converges quadratically, but a small board that is seen obliquely needs some steps, damped
+    /// ones among them, along the direction that its corners hardly show.
     pub board_steps: usize,
     /// Share of a board's χ² below which a further step's gain does not matter.
     pub board_gain: f64,
@@ -64,7 +65,7 @@ pub(crate) struct Solver {
 }
 
 pub(crate) const SOLVER: Solver = Solver {
-    board_steps: 12,
+    board_steps: 40,
     board_gain: 1e-4,
     rough_board_steps: 5,
     rough_corners: 16,

@@ -23,6 +23,7 @@ impl Problem {
             problem.unknown_frame = Some(problem.start_of_unknown_frame());
         }
         problem.fit_boards()?;
+        problem.leave_out_false_corners()?;
         Ok(problem)
     }
 

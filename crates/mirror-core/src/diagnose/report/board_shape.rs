@@ -7,9 +7,11 @@
 //! * a corner's displacement over pictures, `d = H⁻¹ g`, `H = Σ JᵀJ / σ²`, `g = Σ Jᵀ r / σ²` ([`super::fields`]), of the first
 //!   half of the session and of the second: `d₁ᵀ (H₁ + H₂) d₂`, summed over the corners, is what the shape gains if it is the
 //!   same in both. By noise it is 0 on average, also where a corner's errors persist over some pictures;
-//! * in each picture a bend `z = b₁ x² + b₂ xy + b₃ y²`, fitted to its corners: it gains 3 by noise alone.
+//! * in each picture a bend `z = b₁ x² + b₂ xy + b₃ y²`, fitted to its corners: its gain is a chi-squared of 3 degrees of freedom by
+//!   noise alone. The median over the pictures is compared with that distribution's.
 //!
-//! Either is told where the excess is significant and a noticeable share of the corners' noise.
+//! Both fits have the weights `w = 1/(1 + (r/(c σ))²)` of their own residuals r (Cauchy), so that some corners that were found beside
+//! their place are no shape. Either is told where the excess is significant and a noticeable share of the corners' noise.
 
 use crate::diagnose::assessment::findings::Findings;
 use crate::diagnose::criteria::lack_of_fit::noticeable_excess;
@@ -17,10 +19,12 @@ use crate::diagnose::data::diagnosis::{Diagnosis, Field, Verdict, Where};
 use crate::diagnose::model::deformation::Deformation;
 use crate::diagnose::model::frame::{FrameWork, SeenCorner, Task};
 use crate::diagnose::model::problem::{Noise, Problem};
-use crate::diagnose::principles::{A_GAP, FAR_DEVIATIONS};
+use crate::diagnose::model::solver::SOLVER;
+use crate::diagnose::principles::{A_GAP, FAR_DEVIATIONS, SURE_DEVIATIONS};
 use crate::diagnose::report::fields::{Over, field};
 use crate::error::Result;
-use nalgebra::{Matrix3, Vector3};
+use crate::statistics::{CHI_SQUARED_MEDIANS, median};
+use nalgebra::{Matrix2x3, Matrix3, Vector2, Vector3};
 use rayon::prelude::*;
 
 const BOARD: &str = "board";
@@ -38,20 +42,52 @@ fn is_seen(excess: f64, numbers: f64, least: f64) -> bool {
     excess > FAR_DEVIATIONS * (2.0 * numbers).sqrt() && excess > least
 }
 
-/// What each corner gains by a displacement that is the same in both halves, times the variance of the noise.
-fn same_in_both(corners: usize, first: &[Picture], second: &[Picture]) -> Vec<f64> {
-    let sums = |half: &[Picture]| {
-        let mut of_corner = vec![(Matrix3::zeros(), Vector3::zeros()); corners];
-        for seen in half.iter().flat_map(|picture| &picture.corners) {
-            let (h, g) = &mut of_corner[seen.index];
-            *h += seen.by_board.tr_mul(&seen.by_board);
-            *g += seen.by_board.tr_mul(&seen.residual_px);
+/// How much a residual (px) counts beside the noise.
+fn weight(residual_px: Vector2<f64>, noise_px: f64) -> f64 {
+    1.0 / (1.0 + residual_px.norm_squared() / (SURE_DEVIATIONS * noise_px).powi(2))
+}
+
+/// Three numbers that fit residuals (px) with robust weights: rows by the numbers and residuals. Their information and gradient at 0, and
+/// the numbers; none where the rows do not show them.
+fn robustly(rows: &[(Matrix2x3<f64>, Vector2<f64>)], noise_px: f64) -> Option<Robustly> {
+    let mut at = None;
+    for _ in 0..=SOLVER.rounds {
+        let (mut information, mut gradient) = (Matrix3::zeros(), Vector3::zeros());
+        for (by, residual_px) in rows {
+            let left = |numbers: &Vector3<f64>| weight(residual_px - by * numbers, noise_px);
+            let w = at.as_ref().map_or(1.0, |found: &Robustly| left(&found.numbers));
+            information += by.tr_mul(by) * w;
+            gradient += by.tr_mul(residual_px) * w;
         }
-        of_corner
+        let numbers = information.cholesky()?.solve(&gradient);
+        at = Some(Robustly { information, gain: gradient.dot(&numbers), numbers });
+    }
+    at
+}
+
+/// A robust fit of three numbers.
+struct Robustly {
+    information: Matrix3<f64>,
+    numbers: Vector3<f64>,
+    /// What it lowers the weighted sum of squares by, px².
+    gain: f64,
+}
+
+/// What each corner gains by a displacement that is the same in both halves, times the variance of the noise.
+fn same_in_both(corners: usize, first: &[Picture], second: &[Picture], noise_px: f64) -> Vec<f64> {
+    let fits = |half: &[Picture]| -> Vec<Option<Robustly>> {
+        let mut of_corner = vec![Vec::new(); corners];
+        for seen in half.iter().flat_map(|picture| &picture.corners) {
+            of_corner[seen.index].push((seen.by_board, seen.residual_px));
+        }
+        of_corner.iter().map(|rows| robustly(rows, noise_px)).collect()
     };
-    let solved = |(h, g): &(Matrix3<f64>, Vector3<f64>)| h.cholesky().map(|factor| factor.solve(g));
-    let both = sums(first).into_iter().zip(sums(second));
-    both.filter_map(|(a, b)| Some(solved(&a)?.dot(&((a.0 + b.0) * solved(&b)?)))).collect()
+    let both = fits(first).into_iter().zip(fits(second));
+    let gain = |(a, b): (Option<Robustly>, Option<Robustly>)| {
+        let (a, b) = (a?, b?);
+        Some(a.numbers.dot(&((a.information + b.information) * b.numbers)))
+    };
+    both.filter_map(gain).collect()
 }
 
 /// Whether the corners contradict a flat board, at the model found.
@@ -70,7 +106,7 @@ pub(crate) fn not_flat(findings: &Findings<'_>) -> Result<Option<NotFlat>> {
     let matters = (noise.marker_px / noise.corner_px).max(1.0).powi(2);
     let rows = matters * 2.0 * pictures.iter().map(|picture| picture.corners.len() as f64).sum::<f64>();
     let (first, second) = pictures.split_at(pictures.len() / 2);
-    let gains = same_in_both(problem.corners.len(), first, second);
+    let gains = same_in_both(problem.corners.len(), first, second, noise.corner_px);
     let gained = gains.iter().sum::<f64>() / noise.corner_px.powi(2);
     // Errors of a corner that persist over most of a session have a tenth of the rows' squares.
     if is_seen(gained, 3.0 * gains.len() as f64, noticeable_excess() * rows) {
@@ -86,12 +122,12 @@ pub(crate) fn not_flat(findings: &Findings<'_>) -> Result<Option<NotFlat>> {
     }
     let bends: Vec<&Bend> = pictures.iter().filter_map(|picture| picture.bend.as_ref()).collect();
     let count = bends.len() as f64;
-    let gained: f64 = bends.iter().map(|bend| bend.gain).sum();
-    let rms_mm = (bends.iter().map(|b| b.largest_m.powi(2)).sum::<f64>() / count.max(1.0)).sqrt() * 1e3;
+    let usual = median(bends.iter().map(|bend| bend.gain).collect()) / CHI_SQUARED_MEDIANS[2];
+    let usual_mm = median(bends.iter().map(|bend| bend.largest_m).collect()) * 1e3;
     // Of flat boards it is at most a hundredth.
-    Ok(is_seen(gained - 3.0 * count, 3.0 * count, (A_GAP - 1.0) * rows).then(|| NotFlat {
+    Ok(is_seen(3.0 * count * (usual - 1.0), 3.0 * count, (A_GAP - 1.0) * rows).then(|| NotFlat {
         told: format!(
-            "the board is bent in each picture in another way, by {rms_mm:.1} mm (root mean square): paper that moves, or a plate that is too thin. Fix it to a \
+            "the board is bent in each picture in another way, by {usual_mm:.1} mm (median): paper that moves, or a plate that is too thin. Fix it to a \
              plate of glass or aluminium and record again; until then each mirror is a little wrong"
         ),
         field: None,
@@ -120,15 +156,12 @@ fn pictures(problem: &Problem, deformation: &Deformation, noise: Noise) -> Resul
         Vector3::new(x * x, x * y, y * y)
     };
     let bend_of = |corners: &[SeenCorner]| {
-        let (mut h, mut g) = (Matrix3::zeros(), Vector3::zeros());
-        for corner in corners {
-            let (m, j) = (modes(corner.index), corner.by_board.column(2) / noise.corner_px);
-            h += m * m.transpose() * j.norm_squared();
-            g += m * j.dot(&corner.residual_px) / noise.corner_px;
-        }
-        let bend = h.cholesky()?.solve(&g);
-        let largest_m = (0..problem.corners.len()).map(|c| modes(c).dot(&bend).abs()).fold(0.0, f64::max);
-        Some(Bend { gain: g.dot(&bend), largest_m })
+        let row = |c: &SeenCorner| (c.by_board.column(2) * modes(c.index).transpose(), c.residual_px);
+        let rows: Vec<_> = corners.iter().map(row).collect();
+        let fit = robustly(&rows, noise.corner_px)?;
+        let bent = |c| modes(c).dot(&fit.numbers).abs();
+        let largest_m = (0..problem.corners.len()).map(bent).fold(0.0, f64::max);
+        Some(Bend { gain: fit.gain / noise.corner_px.powi(2), largest_m })
     };
     let of_frame = |work: &mut FrameWork, frame: usize| {
         work.evaluate(problem, &task, frame).then(|| {
@@ -166,6 +199,37 @@ pub(crate) fn tell(diagnosis: &mut Diagnosis, not_flat: NotFlat) {
         None => {
             let share = if places.is_empty() { 1.0 } else { 0.0 };
             places.push(Where { at: BOARD.into(), share, depends_on: Some(depends_on.into()) });
+        }
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::*;
+    use crate::random::Random;
+
+    /// A displacement of 20 σ is found as it is, and a twentieth of the residuals far off makes no other one of it, nor one of none.
+    #[test]
+    fn a_displacement_is_found_beside_false_residuals() {
+        let noise_px = 0.2;
+        let found = |true_m: Vector3<f64>, off_px: f64| {
+            let mut random = Random::new(9);
+            let rows: Vec<_> = (0..60)
+                .map(|i| {
+                    let by = Matrix2x3::from_fn(|_, _| random.normal() * 1e3);
+                    let noise = Vector2::new(random.normal(), random.normal()) * noise_px;
+                    let off = if i % 20 == 7 { off_px } else { 0.0 };
+                    (by, by * true_m + noise + Vector2::new(off, -off))
+                })
+                .collect();
+            robustly(&rows, noise_px).unwrap()
+        };
+        let (none, displaced) = (Vector3::zeros(), Vector3::new(0.0, 0.001, -0.004));
+        for off_px in [0.0, 4.0, 15.0] {
+            assert!(found(none, off_px).gain < 16.0 * noise_px.powi(2), "{}", found(none, off_px).gain);
+            let numbers = found(displaced, off_px).numbers;
+            assert!((numbers - displaced).norm() < 2e-4, "{numbers}");
         }
     }
 }

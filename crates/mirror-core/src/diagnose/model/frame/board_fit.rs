@@ -2,8 +2,9 @@
 
 use super::mirror_and_lens::{MirrorAndLens, Points};
 use super::pictures::Pictures;
+use super::plane_start::{by_closed_form, by_size};
 use super::products::PROJECTED;
-use super::sight::{mirrored_pixel, start_of_plane};
+use super::sight::mirrored_pixel;
 use super::work::FrameWork;
 use crate::diagnose::model::camera_and_mirror::Eye;
 use crate::diagnose::model::deformation::Deformation;
@@ -78,7 +79,7 @@ impl LeastSquares for BoardView<'_> {
 }
 
 impl FrameWork {
-    /// Fits the mirror to the frame's board alone, from a start or from the plane half-way to the board's depth.
+    /// Fits the mirror to the frame's board alone, from a start or from the plane half-way to its reflection.
     pub fn fit_board(
         &mut self,
         problem: &Problem,
@@ -99,6 +100,29 @@ impl FrameWork {
         eye: &Eye,
         start: Option<Vector3<f64>>,
     ) -> Option<BoardFit> {
+        if let Some(foot) = start {
+            return self.fit_board_from(problem, deformation, eye, foot);
+        }
+        let frame = self.frame;
+        let board = problem.board_in(frame)?;
+        if problem.frames[frame].corners.len() < FEWEST_CORNERS {
+            return None;
+        }
+        let camera_from_board = self.camera_from_world(problem, eye).then(&self.world_from_board(&board));
+        [by_closed_form, by_size].into_iter().find_map(|starts| {
+            let foot = starts(problem, eye, &camera_from_board, frame)?;
+            self.fit_board_from(problem, deformation, eye, foot)
+        })
+    }
+
+    /// Gauss–Newton on the corners from a foot point.
+    fn fit_board_from(
+        &mut self,
+        problem: &Problem,
+        deformation: &Deformation,
+        eye: &Eye,
+        foot: Vector3<f64>,
+    ) -> Option<BoardFit> {
         let frame = self.frame;
         let board = problem.board_in(frame)?;
         let corners = &problem.frames[frame].corners;
@@ -112,10 +136,6 @@ impl FrameWork {
         };
         let camera_from_board = self.camera_from_world(problem, eye).then(&self.world_from_board(&board));
         let scale = 1.0 + deformation.board_scale_error;
-        let foot = match start {
-            Some(foot) => foot,
-            None => start_of_plane(problem, eye, &camera_from_board, frame)?,
-        };
         let many = MirrorAndLens::of(eye, &foot).is_some();
         let points: Vec<Vector3<f64>> = if many {
             self.pose_corners(problem, eye, &problem.frames[frame], scale, each);

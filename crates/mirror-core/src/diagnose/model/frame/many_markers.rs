@@ -2,6 +2,7 @@
 
 use super::mirror_and_lens::MirrorAndLens;
 use super::observe::{SeenAt, pixel_mixture};
+use super::plane_of_frame::{PlaneKnown, Pull};
 use super::sight::Wanted;
 use super::work::{FrameWork, Task};
 use crate::diagnose::data::recording::Via;
@@ -9,7 +10,7 @@ use crate::diagnose::model::camera_and_mirror::Eye;
 use crate::diagnose::model::pose::Pose;
 use crate::diagnose::model::problem::{FrameData, Observation, Problem, Seen};
 use crate::diagnose::model::robust::Mixture;
-use nalgebra::{Matrix3, Vector2, Vector3};
+use nalgebra::{Matrix2x3, Vector2};
 
 impl FrameWork {
     /// Computes the image points of all markers in the mirror at the present plane, in [`FrameWork::markers`]; false where
@@ -54,22 +55,22 @@ impl FrameWork {
         self.markers = markers;
     }
 
-    /// Information on the plane from the markers in the mirror, `Σ DᵀD` and `Σ Dᵀr`; none where they must be computed one by
-    /// one.
+    /// Information on the plane from the markers in the mirror; none where they must be computed one by one.
     pub(super) fn pull_of_markers(
         &mut self,
         problem: &Problem,
         task: &Task<'_>,
         data: &FrameData,
-    ) -> Option<(Matrix3<f64>, Vector3<f64>)> {
+        known: &PlaneKnown,
+    ) -> Option<Pull> {
         let eye = task.eye?;
         let camera_from_world = self.camera_from_world(problem, eye);
         if !self.see_markers(problem, task, data, (eye, &camera_from_world), Wanted::default()) {
             return None;
         }
         let (markers, std, by_pixel) = (&self.markers, task.noise.marker_px, &task.deformation.marker_image);
-        let mixture = pixel_mixture(eye, std);
-        let (mut information, mut gradient) = (Matrix3::zeros(), Vector3::zeros());
+        let mixture = (!task.gaussian).then(|| pixel_mixture(eye, std));
+        let mut pull = Pull::zero();
         let pixels = data.others.iter().filter_map(|observation| match observation {
             Observation::Pixel { seen: Seen::Marker(_), via: Via::Mirror, pixel } => Some(pixel),
             _ => None,
@@ -78,12 +79,10 @@ impl FrameWork {
             let Some((picture, by_foot)) = markers.by_foot(i) else { continue };
             let shift = by_pixel * eye.in_picture(pixel);
             let r = (pixel - picture - markers.offset(i) - shift) / std;
-            let weight = if task.gaussian { 1.0 } else { mixture.likelihood(r.norm_squared()).1 };
-            let [u, v] = by_foot.map(|row| row / std);
-            information += (u * u.transpose() + v * v.transpose()) * weight;
-            gradient += (u * r.x + v * r.y) * weight;
+            let [u, v] = by_foot.map(|row| row.transpose() / std);
+            pull.add(mixture.as_ref(), known, &Matrix2x3::from_rows(&[u, v]), &r);
         }
-        Some((information, gradient))
+        Some(pull)
     }
 
     /// As [`FrameWork::push_pixel`], of the i-th of [`FrameWork::markers`].

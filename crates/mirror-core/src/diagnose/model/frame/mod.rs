@@ -18,6 +18,7 @@ mod mirror_and_lens;
 mod observe;
 mod pictures;
 mod plane_of_frame;
+mod plane_start;
 mod products;
 mod sight;
 #[cfg(test)]

@@ -4,7 +4,6 @@ use crate::diagnose::data::recording::Via;
 use crate::diagnose::model::camera_and_mirror::Eye;
 use crate::diagnose::model::elementary::{Atom, Column};
 use crate::diagnose::model::free_optics::{FreeColumns, SeenPoint};
-use crate::diagnose::model::pose::Pose;
 use crate::diagnose::model::problem::Problem;
 use crate::mirror::ApparentPoint;
 use nalgebra::{Matrix2x3, Matrix3, Point3, SMatrix, Vector2, Vector3};
@@ -159,29 +158,4 @@ pub(super) fn sight_of(
         by_lens,
         free,
     })
-}
-
-/// A first plane: the board's reflection is in the direction of the corners' mean, at the depth that corresponds to
-/// its image size; the mirror is half-way to it (the paper's Eq. 2 with an approximate position).
-pub(super) fn start_of_plane(
-    problem: &Problem,
-    eye: &Eye,
-    camera_from_board: &Pose,
-    frame: usize,
-) -> Option<Vector3<f64>> {
-    let corners = &problem.frames[frame].corners;
-    let count = corners.len() as f64;
-    let mut directions = Vec::with_capacity(corners.len());
-    for (index, pixel) in corners {
-        directions.push((problem.corners[*index], eye.camera.unproject(pixel).ok()?.into_inner()));
-    }
-    let mean = directions.iter().map(|d| d.1).sum::<Vector3<f64>>() / count;
-    let center = directions.iter().map(|d| d.0).sum::<Vector3<f64>>() / count;
-    let spread_angle = (directions.iter().map(|d| (d.1 - mean).norm_squared()).sum::<f64>() / count).sqrt();
-    let spread = (directions.iter().map(|d| (d.0 - center).norm_squared()).sum::<f64>() / count).sqrt();
-    let reflected = mean.normalize() * (spread / spread_angle.max(1e-9));
-    let board = camera_from_board.point(&center);
-    let plane = crate::geometry::Plane::between(&Point3::from(board), &Point3::from(reflected)).ok()?;
-    let plane = plane.facing_away_from_origin();
-    (plane.offset_m() > 1e-3).then(|| plane.foot_point())
 }

@@ -2,6 +2,8 @@
 
 #![allow(clippy::unwrap_used)]
 
+mod plane;
+
 use super::marker_sights::Markers;
 use super::mirror_and_lens::MirrorAndLens;
 use crate::diagnose::model::problem::Problem;
