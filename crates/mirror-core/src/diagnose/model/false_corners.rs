@@ -6,7 +6,7 @@
 //! right. One corner in fifty that is a square's width off would turn the mirror of its frame.
 
 use crate::diagnose::model::frame::FrameWork;
-use crate::diagnose::model::problem::{FRAMES_A_CHUNK, Problem};
+use crate::diagnose::model::problem::{FRAMES_A_CHUNK, FalseCorner, Problem};
 use crate::diagnose::principles::{FAR_DEVIATIONS, FEWEST_OBSERVATIONS, NEARLY_ALL};
 use crate::error::Result;
 use crate::statistics::{CHI_SQUARED_MEDIANS, median};
@@ -15,15 +15,6 @@ use rayon::prelude::*;
 
 /// Numbers of a homography.
 type Numbers = SVector<f64, 8>;
-
-/// A corner that is left out.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct FalseCorner {
-    pub frame: usize,
-    pub index: usize,
-    /// How far off it was, in deviations of the noise.
-    pub deviations: f64,
-}
 
 /// The middle of a board in the picture and its size, px.
 pub(crate) fn extent(pixels: impl Iterator<Item = Vector2<f64>> + Clone) -> (Vector2<f64>, f64) {

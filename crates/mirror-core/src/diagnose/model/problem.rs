@@ -7,7 +7,6 @@ use crate::diagnose::data::recording::{PointsFrame, Recording, Target, Tolerance
 use crate::diagnose::model::body::Site;
 use crate::diagnose::model::deformation::Deformation;
 use crate::diagnose::model::elementary::Atom;
-use crate::diagnose::model::false_corners::FalseCorner;
 use crate::diagnose::model::mistake_parameters::MistakeParameter;
 use crate::diagnose::model::pose::Pose;
 use crate::diagnose::model::scene::Scene;
@@ -69,6 +68,15 @@ pub(crate) struct FrameData {
     /// Board corners in the mirror: index and pixel.
     pub corners: Vec<(usize, Vector2<f64>)>,
     pub others: Vec<Observation>,
+}
+
+/// A corner that is left out.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct FalseCorner {
+    pub frame: usize,
+    pub index: usize,
+    /// How far off it was, in deviations of the noise.
+    pub deviations: f64,
 }
 
 /// The mirror's plane as the board alone shows it, condensed: `χ²(f) ≈ χ² + (f − f̂)ᵀ Λ (f − f̂)` in units of px².

@@ -24,12 +24,12 @@ const COLUMN: u64 = 15;
 /// A corner that is predicted while a board's mirror is fitted.
 const PREDICTED: u64 = 110;
 
-/// What one diagnosis may spend at most, for each frame: some twenty milliseconds; and the fewest frames for which
+/// What one diagnosis may spend at most, for each frame: some twenty-five milliseconds; and the fewest frames for which
 /// it is counted, because the algebra of causes costs as much in a short session.
-const MOST_OF_FRAME: u64 = 7_500_000;
+const MOST_OF_FRAME: u64 = 9_500_000;
 const FEWEST_FRAMES: usize = 200;
 /// What all diagnoses of a session may spend together, in units of that.
-const OF_SESSION: f64 = 1.6;
+const OF_SESSION: f64 = 1.3;
 
 /// The share of the work for each stage except the search for named causes: gross mistakes before it, free-form
 /// errors and small errors everywhere after it. What a stage does not use is left for later ones.

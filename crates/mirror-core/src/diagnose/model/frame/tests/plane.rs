@@ -6,13 +6,14 @@ use crate::diagnose::model::frame::sight::mirrored_pixel;
 use crate::diagnose::model::frame::work::{FrameWork, Task};
 use crate::diagnose::model::problem::Problem;
 use crate::diagnose::model::robust::Mixture;
+use crate::diagnose::principles::Prior;
 use crate::diagnose::tests::gap_world::{Plan, World};
 use crate::geometry::Plane;
 use crate::random::Random;
 use crate::robot::Robot;
 use nalgebra::{Matrix2x3, Matrix3, Point3, Vector2, Vector3};
 
-const NOISE_PX: f64 = 0.2;
+const NOISE_PX: Prior = 0.2;
 
 fn session() -> Problem {
     let world = World::new(4, true);
