@@ -168,7 +168,9 @@ def test_corners_found_beside_their_place_are_left_out_and_no_bent_board(sound: 
     def some(head: list[str], rows: Rows) -> Rows:
         for row in rows:
             if row[1] == "board" and rng.random() < 0.005:
-                row[3], row[4] = (repr(float(row[k]) + (12.0 if rng.random() < 0.5 else -12.0)) for k in (3, 4))
+                row[3], row[4] = (
+                    repr(float(row[k]) + (12.0 if rng.random() < 0.5 else -12.0)) for k in (3, 4)
+                )
                 off.append((int(row[0]), row[head.index("index")]))
         return rows
 
