@@ -32,4 +32,11 @@ def test_it_is_told_at_its_place_and_no_gear_or_coupling_in_its_stead(tmp_path: 
     found = mp.diagnose(session)
     assert (f"joint:{JOINT}", "posture, each by itself") in {(w.at, w.depends_on) for w in found.where}
     named = [cause for cause in found.causes if cause.kind != "setup" and cause.probability > 0.5]
-    assert named == [], named
+    # The zeros of that robot are off, by 0.15 degrees.
+    assert {cause.effect for cause in named} <= {"geometry"}, named
+    for zeros in named:
+        spread = zeros.parameters["spread_rad"]
+        assert (
+            abs(spread.value - np.radians(0.15)) < 3 * spread.std
+            and zeros.parameters["spread_m"].value == 0.0
+        )

@@ -27,6 +27,7 @@ mod tests;
 
 use crate::diagnose::data::diagnosis::{Cause, Diagnosis, Verdict};
 use crate::diagnose::data::recording::Recording;
+use crate::diagnose::likelihood::probability::unfinished;
 use crate::diagnose::pipeline::{self, Outcome};
 use crate::diagnose::prepare::first_day::Memory;
 use crate::diagnose::prepare::first_result::FirstResult;
@@ -35,7 +36,7 @@ use crate::diagnose::prepare::prepared::Prepared;
 use crate::diagnose::report::board_shape::tell;
 use crate::error::Result;
 use crate::robot::Robot;
-use reason::{Reason, is_of_a_column, left, takes_most};
+use reason::{Reason, hardly_slipped, is_of_a_column, left, takes_most};
 
 /// Diagnoses a recording: where the model is wrong, which effect causes it, how far the gap shrinks.
 ///
@@ -120,6 +121,10 @@ fn accepted(
             second.diagnosis.trace.insert(0, reason.words().into());
             return Ok(second);
         }
+    }
+    // No second diagnosis took it back, and its own deviations do not carry it.
+    for slip in found.diagnosis.causes.iter_mut().filter(|c| hardly_slipped(c)) {
+        slip.probability = unfinished(slip.probability);
     }
     Ok(found)
 }
