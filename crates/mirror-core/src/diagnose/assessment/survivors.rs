@@ -18,10 +18,9 @@ use crate::diagnose::effects::hypothesis::{Model, Term};
 use crate::diagnose::likelihood::fit::FitOptions;
 use crate::diagnose::likelihood::probability::tempered;
 use crate::diagnose::likelihood::score_test::Score;
-use crate::diagnose::model::solver::SOLVER;
 use crate::diagnose::principles::{MAJORITY, TEMPER, WORTH_NAMING};
 use crate::diagnose::random_effects::geometric_tolerances::Geometry;
-use crate::diagnose::selection::alternatives::held_out_odds;
+use crate::diagnose::selection::alternatives::{held_out_odds, replaced};
 use crate::diagnose::selection::large_members::choose_members;
 use crate::diagnose::selection::nonparametric::unexplained;
 use crate::diagnose::selection::own_scales::AtOwnScales;
@@ -108,10 +107,7 @@ fn likelier_instead(findings: &mut Findings<'_>) -> Result<()> {
         if known || findings.geometry.as_ref().is_some_and(|g| g.holds(catalogue, rival.hypothesis)) {
             continue;
         }
-        let rest = search.taken_out(&found.fit.model, i, found.noise)?;
-        let with = rest.with(catalogue, rival.hypothesis, rival.variant);
-        let next = search.fit(&with, found.noise, SOLVER.final_steps)?;
-        let gap = search.held_out(&next.model, found.noise)?;
+        let (next, gap) = replaced(search, found, i, Some(rival))?;
         let pooled = standing.pooled(held_out_odds(&gap, &findings.after, found.noise));
         if pooled <= 1.0 {
             let mut held_back = standing.clone();

@@ -23,6 +23,13 @@ pub(crate) struct Group {
     pub positive: Vec<bool>,
 }
 
+impl Group {
+    /// Whether all of these are columns of the group.
+    pub fn contains(&self, columns: &[Column]) -> bool {
+        columns.iter().all(|column| self.columns.contains(column))
+    }
+}
+
 /// How to fit.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct FitOptions {

@@ -174,16 +174,7 @@ pub(crate) fn settled(
                 standing.disputed(pooled);
                 continue;
             }
-            let rest = search.taken_out(&found.fit.model, i, found.noise)?;
-            let rest = search.fit(&rest, found.noise, 8)?;
-            let next = match rival {
-                Some(rival) => {
-                    let with = rest.model.with(search.catalogue, rival.hypothesis, rival.variant);
-                    search.fit(&with, found.noise, 12)?
-                }
-                None => rest,
-            };
-            let gap = search.held_out(&next.model, found.noise)?;
+            let (next, gap) = replaced(search, found, i, rival)?;
             let pooled = standing.pooled(held_out_odds(&gap, after, found.noise));
             if pooled <= 1.0 {
                 standing.disputed(pooled);
@@ -206,6 +197,30 @@ pub(crate) fn settled(
     let mut last = standings(search, found, beside)?;
     last.iter_mut().flatten().filter(|s| s.challenged() > 1.0).for_each(|s| s.disputed(1.0));
     Ok(last)
+}
+
+/// A model with the i-th cause replaced by an alternative, which becomes the last, or by none: fitted, and its gap on
+/// held-out regions.
+///
+/// # Errors
+/// Invalid parameters of the camera or mirror.
+pub(crate) fn replaced(
+    search: &Search<'_>,
+    found: &Found,
+    i: usize,
+    by: Option<&Rival>,
+) -> Result<(Fit, Vec<PostureGap>)> {
+    let rest = search.taken_out(&found.fit.model, i, found.noise)?;
+    let rest = search.fit(&rest, found.noise, 8)?;
+    let next = match by {
+        Some(rival) => {
+            let with = rest.model.with(search.catalogue, rival.hypothesis, rival.variant);
+            search.fit(&with, found.noise, 12)?
+        }
+        None => rest,
+    };
+    let gap = search.held_out(&next.model, found.noise)?;
+    Ok((next, gap))
 }
 
 /// Log likelihood ratio of two models' held-out gaps, at a noise.

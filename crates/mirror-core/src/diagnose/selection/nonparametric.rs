@@ -174,10 +174,10 @@ pub(crate) fn beside_free_forms<'a>(
 fn is_in_group(search: &Search<'_>, all: &Catalogue, hypothesis: usize) -> bool {
     let with = Model::nominal(&search.problem).with(all, hypothesis, 0.0);
     all.is_free(hypothesis)
-        && with.terms.last().is_some_and(|term| {
-            let columns = all.columns(&search.problem.scene, term);
-            columns.iter().all(|column| search.group.columns.contains(column))
-        })
+        && with
+            .terms
+            .last()
+            .is_some_and(|term| search.group.contains(&all.columns(&search.problem.scene, term)))
 }
 
 /// The search with free-form errors. Beside causes that are `enough` it is from the most probable set of one linear model of

@@ -49,8 +49,8 @@ impl Search<'_> {
     /// Whether a cause is one of the group's small errors that is larger than these: a zero beside two laws of its
     /// joint is in the model in any case, and is no third law.
     fn is_of_the_group(&self, term: &Term) -> bool {
-        let columns = || self.catalogue.columns(&self.problem.scene, term);
-        !self.group.columns.is_empty() && columns().iter().all(|c| self.group.columns.contains(c))
+        !self.group.columns.is_empty()
+            && self.group.contains(&self.catalogue.columns(&self.problem.scene, term))
     }
 
     /// Log of evidence times prior.

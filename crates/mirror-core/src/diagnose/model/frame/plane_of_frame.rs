@@ -80,13 +80,11 @@ impl FrameWork {
         let settled = self.foot;
         self.foot = start;
         let beside = self.pull_of_others(problem, task, data, &Some(covariance));
-        let back = beside.counted > counted + MAJORITY;
-        if back {
-            self.settle_from(beside, problem, task, data, (&information, &board.foot));
-        } else {
+        if beside.counted <= counted + MAJORITY {
             self.foot = settled;
             return;
         }
+        self.settle_from(beside, problem, task, data, (&information, &board.foot));
         let cost = |work: &mut Self| {
             let away = work.foot - board.foot;
             work.pull_of_others(problem, task, data, &None).cost + away.dot(&(information * away))

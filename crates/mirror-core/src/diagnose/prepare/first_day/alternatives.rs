@@ -196,12 +196,7 @@ impl<'a> Session<'a> {
         out
     }
 
-    /// Loss of each frame, summed over its observations, and their number.
-    pub fn frame_losses(&self, variant: &Variant) -> Vec<(f64, usize)> {
-        self.misfit.frame_losses(variant)
-    }
-
-    /// The same where the frame of measured points, and unknown mounts, are known.
+    /// [`Misfit::frame_losses`] where the frame of measured points, and unknown mounts, are known.
     fn losses_where(&self, placed: &Placed, variant: &Variant) -> Vec<(f64, usize)> {
         let mut work = self.misfit.work();
         work.placed = Some(placed.clone());
@@ -223,9 +218,9 @@ impl<'a> Session<'a> {
         let placed = self.misfit.placed(variant, &all);
         let losses = |variant: &Variant| match &placed {
             Some(placed) => self.losses_where(placed, variant),
-            None => self.frame_losses(variant),
+            None => self.misfit.frame_losses(variant),
         };
-        let (own, again) = (losses(variant), placed.is_some().then(|| self.frame_losses(variant)));
+        let (own, again) = (losses(variant), placed.is_some().then(|| self.misfit.frame_losses(variant)));
         let mut out = Vec::new();
         for b in 0..markers {
             for a in 0..b {
@@ -236,7 +231,7 @@ impl<'a> Session<'a> {
                 };
                 let mut frames = gains(&own, &losses(&swapped));
                 if let Some(again) = again.as_ref().filter(|_| frames.len() < 2) {
-                    frames = gains(again, &self.frame_losses(&swapped));
+                    frames = gains(again, &self.misfit.frame_losses(&swapped));
                 }
                 let seen: Vec<usize> = (0..own.len()).filter(|&f| shows(self.problem, f, a, b)).collect();
                 // If both places look alike a frame gives no information; so a share that is nearly all counts as
@@ -255,13 +250,13 @@ impl<'a> Session<'a> {
     /// A run of rows that contains other rows' measurements. If it is nearly all rows, the log is late
     /// ([`Session::late`]).
     pub fn of_rows(&self, variant: &Variant) -> Vec<Mistake> {
-        let own = self.frame_losses(variant);
+        let own = self.misfit.frame_losses(variant);
         let count = own.len();
         let mut out = Vec::new();
         for shift in (-LARGEST_SHIFT..=LARGEST_SHIFT).filter(|s| *s != 0) {
             let mut shifted = variant.clone();
             Mistake::Rows { first: 0, last: count - 1, shift }.on_variant(&mut shifted);
-            let other = self.frame_losses(&shifted);
+            let other = self.misfit.frame_losses(&shifted);
             let gains: Vec<f64> = own.iter().zip(&other).map(|(a, b)| a.0 - b.0).collect();
             if let Some((first, last)) = best_run(&gains).filter(|(a, b)| b - a + 1 >= FEWEST_FRAMES) {
                 if (last + 1 - first) as f64 >= NEARLY_ALL * count as f64 {
@@ -279,7 +274,7 @@ impl<'a> Session<'a> {
         if !self.ordered {
             return out;
         }
-        let own = self.frame_losses(variant);
+        let own = self.misfit.frame_losses(variant);
         let all: Vec<usize> = (0..own.len()).collect();
         let mut work = self.misfit.work();
         work.placed = self.misfit.placed(variant, &all);
@@ -349,7 +344,7 @@ impl<'a> Session<'a> {
 
     /// A run in which a log stands still, from the first row on that its own position does not fit.
     pub fn begun(&self, variant: &Variant, freed: &Variant, first: usize, last: usize) -> usize {
-        let (own, free) = (self.frame_losses(variant), self.frame_losses(freed));
+        let (own, free) = (self.misfit.frame_losses(variant), self.misfit.frame_losses(freed));
         (first..=last).find(|&f| own[f].0 - free[f].0 > CLEAR).unwrap_or(first)
     }
 

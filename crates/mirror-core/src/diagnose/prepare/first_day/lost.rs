@@ -264,7 +264,7 @@ fn step(
     // Exact row: the largest gain of all rows from it on.
     let mut moved = begun.variant.clone();
     moved.positions.iter_mut().for_each(|row| row[joint] += offset);
-    let (own, other) = (session.frame_losses(&begun.variant), session.frame_losses(&moved));
+    let (own, other) = (session.misfit.frame_losses(&begun.variant), session.misfit.frame_losses(&moved));
     let mut sum = 0.0;
     let gains = (0..own.len()).rev().map(|f| {
         sum += own[f].0 - other[f].0;

@@ -8,7 +8,7 @@ use crate::diagnose::model::body::{NodeId, Site};
 use crate::diagnose::model::pose::Pose;
 use crate::diagnose::model::problem::Problem;
 use crate::diagnose::model::slips::{Slip, Slipped};
-use crate::diagnose::principles::Guard;
+use crate::diagnose::principles::{Guard, NEARLY_ALL};
 use crate::error::Result;
 use crate::robot::Robot;
 use core::f64::consts::{FRAC_PI_2, PI, TAU};
@@ -342,7 +342,7 @@ impl Mistake {
                 if kind == LateKind::Blend {
                     let part = rows - rows.floor();
                     let end = if part <= 0.5 { &mut at_start } else { &mut at_end };
-                    *end = (*end).max(rows_of_decay(part)).min(frames);
+                    *end = (*end).max(rows_of_decay(part, frames)).min(frames);
                 }
                 let end = (frames - at_end..frames).map(|f| (f, joint));
                 (0..at_start).map(|f| (f, joint)).chain(end).collect()
@@ -356,10 +356,12 @@ impl Mistake {
 const OF_THE_START: Guard = 0.01;
 
 /// Rows after which a mixture that was undone from one end is right: from row to row the error of the start shrinks by
-/// `min(p, 1 − p) / max(p, 1 − p)`.
-fn rows_of_decay(part: f64) -> usize {
+/// `min(p, 1 − p) / max(p, 1 − p)`. Near a half it hardly shrinks: no more rows are given up than leave nearly all.
+pub(super) fn rows_of_decay(part: f64, frames: usize) -> usize {
+    let most = ((1.0 - NEARLY_ALL) * frames as f64) as usize;
     let ratio = part.min(1.0 - part) / part.max(1.0 - part);
-    (OF_THE_START.ln() / ratio.ln()).ceil() as usize
+    let rows = (OF_THE_START.ln() / ratio.ln()).ceil();
+    if ratio < 1.0 { (rows as usize).min(most) } else { most }
 }
 
 /// The camera's centre at another resolution: pixel centres lie at whole numbers.

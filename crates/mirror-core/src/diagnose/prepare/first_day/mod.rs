@@ -209,13 +209,19 @@ fn of_the_body(
     spoilt: bool,
 ) -> Result<choice::Choice> {
     let mut lines = Vec::new();
-    let mut choice = chain_of_the_body(session, without, (known, spoilt), &mut lines)?;
+    // Where no mirror explains a board, a joint between it and the camera may be elsewhere.
+    let whole = if boards_may_hang_on_joints(session) {
+        Some(arranged_again(&session.robot, &session.recording, &session.problem)?)
+    } else {
+        None
+    };
+    let mut choice = chain_of_the_body(session, whole.as_ref(), without, (known, spoilt), &mut lines)?;
     let all = choice.mistakes.len();
     // Slipped rows are found, and left out, by the stage that follows; the squares' size by the search.
     let of_rows = choice.mistakes.iter().any(|m| matches!(m, Mistake::Rows { .. }));
-    if of_rows && boards_may_hang_on_joints(session) {
+    if let Some(whole) = whole.filter(|_| of_rows) {
         // What the slipped rows show is needed to find them.
-        session.problem = arranged_again(&session.robot, &session.recording, &session.problem)?;
+        session.problem = whole;
         session.wrong_grids = Some(Vec::new());
         session.all_boards = true;
     }
@@ -236,19 +242,15 @@ fn boards_may_hang_on_joints(session: &Undone) -> bool {
             >= FEWEST_FRAMES
 }
 
+/// `whole`: the problem with the boards that no mirror explains, where these count.
 fn chain_of_the_body(
     session: &Undone,
+    whole: Option<&Problem>,
     without: &[String],
     (known, spoilt): (Option<&FirstResult>, bool),
     lines: &mut Vec<String>,
 ) -> Result<choice::Choice> {
-    // Where no mirror explains a board, a joint between it and the camera may be elsewhere.
-    let whole = if boards_may_hang_on_joints(session) {
-        Some(arranged_again(&session.robot, &session.recording, &session.problem)?)
-    } else {
-        None
-    };
-    let problem = whole.as_ref().unwrap_or(&session.problem);
+    let problem = whole.unwrap_or(&session.problem);
     let misfit = Misfit::new(problem)?;
     let misfit = if whole.is_some() { misfit.with_boards() } else { misfit };
     let log = &session.recording.columns;
