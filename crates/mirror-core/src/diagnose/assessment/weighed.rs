@@ -11,6 +11,8 @@ use crate::diagnose::effects::hypothesis::Model;
 use crate::diagnose::prepare::first_day::Doubt;
 use crate::diagnose::prepare::prepared::Prepared;
 use crate::diagnose::principles::{TEMPER, UNTHOUGHT_OF};
+use crate::diagnose::random_effects::geometric_tolerances::Geometry;
+use crate::diagnose::random_effects::outlier_tolerances::odds_of_standing_out;
 use crate::diagnose::selection::alternatives::settled;
 use crate::diagnose::selection::board_instead::board_instead;
 use crate::diagnose::selection::extended_models::Extended;
@@ -69,6 +71,7 @@ pub(crate) fn weighed<'a>(
     for i in (0..standings.len()).filter(|&i| !shapes_vary && standings[i].is_some()) {
         doubts.extend(zeros_of_its_joints(&search, &mut found, i)?);
         doubts.extend(board_in_its_place(&search, &mut found, i)?);
+        doubts.extend(geometry.as_ref().and_then(|setup| one_of_the_zeros(&search, &mut found, setup, i)));
     }
     let free = has_free(&search, &found);
     let left = left(&search, &found)?;
@@ -140,6 +143,15 @@ fn board_in_its_place(search: &Search<'_>, found: &mut Found, i: usize) -> Resul
     let Some(odds) = board_instead(search, found, i)? else { return Ok(None) };
     let board = Place::Board.name(&search.problem.scene);
     Ok(instead_of(search, found, i, (("board_mount", board), "a translated board".into(), odds)))
+}
+
+/// The small errors of all joints' zeros as an alternative of one that is a cause; none where it is not worth naming, or where
+/// they are the more probable: then the search found the cause all the same, at the scale that the others have.
+fn one_of_the_zeros(search: &Search<'_>, found: &mut Found, setup: &Geometry, i: usize) -> Option<Doubt> {
+    let hypothesis = found.fit.model.terms[i].hypothesis;
+    let odds = odds_of_standing_out(setup, search.catalogue, &found.fit, hypothesis)?;
+    let told = "small errors of all zeros".into();
+    if odds < 0.0 { None } else { instead_of(search, found, i, (("geometry", "robot".into()), told, -odds)) }
 }
 
 /// What could be in the place of the i-th cause, by its log odds.

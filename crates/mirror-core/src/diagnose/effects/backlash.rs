@@ -7,6 +7,10 @@
 //!   the output from below, so that it lags behind, `θ = q − b/2`; moving down, `θ = q + b/2`; within the play it
 //!   stays.
 //!
+//! A joint that came through other postures between the rows has always crossed its play: it lies on the side of its last
+//! motion, however small that is. The sign of the discrete unknown tells which: `τ_f` of a joint that comes straight from
+//! the row before, `−τ_f` of one that comes from afar.
+//!
 //! Source: Nordin and Gutman, "Controlling mechanical systems with backlash: a survey" (2002), friction-controlled
 //! and inertia-free model; the load's side by statics.
 
@@ -33,8 +37,12 @@ impl Backlash {
     ///
     /// The path between the rows is followed: the load may push the output to the other side on the way, and
     /// friction then keeps it there. Position and torque are taken as linear between rows.
-    fn followed(scene: &Scene, n: NodeId, friction_nm: f64, width: f64) -> (Vec<f64>, Vec<f64>) {
+    fn followed(scene: &Scene, n: NodeId, variant: f64, width: f64) -> (Vec<f64>, Vec<f64>) {
         let half = width.max(LEAST_PLAY_RAD) / 2.0;
+        if variant < 0.0 {
+            return Self::from_afar(scene, n, -variant, half);
+        }
+        let friction_nm = variant;
         let (mut positions, mut slopes) =
             (Vec::with_capacity(scene.frames), Vec::with_capacity(scene.frames));
         // Before the first row the joint rests at 0; its place in the play is unknown and taken as the middle.
@@ -76,6 +84,24 @@ impl Backlash {
     }
 }
 
+impl Backlash {
+    /// The same of a joint that comes from afar to each row.
+    fn from_afar(scene: &Scene, n: NodeId, friction_nm: f64, half: f64) -> (Vec<f64>, Vec<f64>) {
+        let (mut side, mut last_q) = (0.0_f64, 0.0);
+        let sides = (0..scene.frames).map(|f| {
+            let (q, torque) = (scene.q(f, n), scene.torque(f, n));
+            if torque.abs() > friction_nm && torque.abs() > NEGLIGIBLE {
+                side = torque.signum();
+            } else if q != last_q {
+                side = (last_q - q).signum();
+            }
+            last_q = q;
+            side
+        });
+        sides.map(|side| (side * half, side / 2.0)).unzip()
+    }
+}
+
 impl Effect for Backlash {
     fn name(&self) -> &str {
         "backlash"
@@ -111,6 +137,14 @@ impl Effect for Backlash {
             (false, true) => vec![0.0],
             (false, false) => Vec::new(),
         }
+    }
+
+    fn variants_beside(&self, scene: &Scene, place: Place, variant: f64, parameters: &[f64]) -> Vec<f64> {
+        let Some(n) = joint_of(place) else { return Vec::new() };
+        let positions = |variant| Self::followed(scene, n, variant, parameters[0]).0;
+        let some =
+            positions(variant).iter().zip(&positions(-variant)).any(|(a, b)| (a - b).abs() > NEGLIGIBLE);
+        some.then_some(-variant).into_iter().collect()
     }
 
     fn columns(&self, scene: &Scene, place: Place, variant: f64, parameters: &[f64]) -> Vec<Column> {

@@ -149,6 +149,11 @@ pub(crate) trait Effect: Send + Sync {
         vec![0.0]
     }
 
+    /// Values of the discrete unknown that differ from this one only where the effect has a size: with these parameters.
+    fn variants_beside(&self, _scene: &Scene, _place: Place, _variant: f64, _parameters: &[f64]) -> Vec<f64> {
+        Vec::new()
+    }
+
     /// Values of the discrete unknown near one that was found, among which it is refined.
     fn variants_near(&self, _scene: &Scene, _place: Place, variant: f64) -> Vec<f64> {
         if variant.is_finite() && variant != 0.0 {

@@ -1,8 +1,11 @@
 //! A servo of finite stiffness stops short of its target, on the side from which it came: `θ = q − d sign(last
 //! motion) + c τ_g`.
 //!
-//! Commands too small to overcome friction do not move it. The same finite stiffness makes it droop under its load:
-//! c is the servo's droop, a parameter of the effect.
+//! The same finite stiffness makes it droop under its load: c is the servo's droop, a parameter of the effect. Whether
+//! each row's motion began far enough away to overcome friction is the discrete unknown:
+//!
+//! * [`DIRECTLY`]: the joint comes straight from the row before; a motion too small to overcome friction leaves it where it was;
+//! * [`FROM_AFAR`]: it came through other postures between the rows, and always stops short by the whole dead band.
 
 use super::about::{About, PlaceKind, WrittenTo};
 use super::backlash::LEAST_PLAY_RAD;
@@ -13,6 +16,10 @@ use crate::diagnose::model::elementary::{Atom, Column, Weight};
 use crate::diagnose::model::scene::Scene;
 use crate::diagnose::model::solver::NEGLIGIBLE;
 use crate::robot::JointTerm;
+
+/// Values of the discrete unknown: how a joint comes from one row's posture to the next.
+const DIRECTLY: f64 = 0.0;
+const FROM_AFAR: f64 = 1.0;
 
 /// See the module.
 pub(crate) struct Stiction {
@@ -31,14 +38,24 @@ struct Rest {
 impl Stiction {
     /// Follows the joint from row to row: it moves only as far as the servo's torque exceeds friction. So it stops
     /// within `± d` of where the drooping servo would hold it without friction, and stays there while it can.
-    fn followed(scene: &Scene, n: NodeId, band: f64, droop: f64) -> Vec<Rest> {
+    fn followed(scene: &Scene, n: NodeId, variant: f64, band: f64, droop: f64) -> Vec<Rest> {
         let band = band.max(LEAST_PLAY_RAD);
         // Before the first row the joint rests at 0.
-        let (mut theta, mut by_band, mut by_droop) = (0.0_f64, 0.0, 0.0);
+        let (mut theta, mut by_band, mut by_droop, mut last_q) = (0.0_f64, 0.0, 0.0, 0.0);
         (0..scene.frames)
             .map(|f| {
                 let (q, torque) = (scene.q(f, n), scene.torque(f, n));
                 let hold = q + droop * torque;
+                if variant == FROM_AFAR {
+                    // It begins on the side from which it comes, out of friction's reach.
+                    if q != last_q {
+                        theta = hold - (q - last_q).signum() * f64::INFINITY;
+                    } else if by_band != 0.0 {
+                        theta = hold + by_band * band;
+                        by_droop = torque;
+                    }
+                    last_q = q;
+                }
                 if theta > hold + band {
                     (theta, by_band, by_droop) = (hold + band, 1.0, torque);
                 } else if theta < hold - band {
@@ -63,6 +80,16 @@ impl Effect for Stiction {
         if scene.ordered { moving_joints(scene) } else { Vec::new() }
     }
 
+    /// The other, unless all motions are large.
+    fn variants_beside(&self, scene: &Scene, place: Place, variant: f64, parameters: &[f64]) -> Vec<f64> {
+        let Some(n) = joint_of(place) else { return Vec::new() };
+        let rests = |variant| Self::followed(scene, n, variant, parameters[0], parameters[1]);
+        let other = if variant == FROM_AFAR { DIRECTLY } else { FROM_AFAR };
+        let differs = |(a, b): (&Rest, &Rest)| (a.error - b.error).abs() > NEGLIGIBLE;
+        let some = rests(variant).iter().zip(&rests(other)).any(differs);
+        some.then_some(other).into_iter().collect()
+    }
+
     fn prior_std(&self, scene: &Scene, place: Place) -> Vec<f64> {
         let Some(n) = joint_of(place) else { return Vec::new() };
         let droop = if self.droops {
@@ -73,9 +100,9 @@ impl Effect for Stiction {
         vec![joint_error(scene, n, 0.02), droop]
     }
 
-    fn columns(&self, scene: &Scene, place: Place, _variant: f64, parameters: &[f64]) -> Vec<Column> {
+    fn columns(&self, scene: &Scene, place: Place, variant: f64, parameters: &[f64]) -> Vec<Column> {
         let Some(n) = joint_of(place) else { return Vec::new() };
-        let rests = Self::followed(scene, n, parameters[0], parameters[1]);
+        let rests = Self::followed(scene, n, variant, parameters[0], parameters[1]);
         let (mut by_band, mut by_droop) = (Vec::new(), Vec::new());
         for rest in rests {
             by_band.push(rest.by_band);
@@ -91,7 +118,7 @@ impl Effect for Stiction {
         &self,
         scene: &Scene,
         place: Place,
-        _variant: f64,
+        variant: f64,
         parameters: &[f64],
         deformation: &mut Deformation,
     ) {
@@ -99,7 +126,7 @@ impl Effect for Stiction {
         if parameters[0] <= 0.0 && parameters[1] == 0.0 {
             return;
         }
-        for (f, rest) in Self::followed(scene, n, parameters[0], parameters[1]).iter().enumerate() {
+        for (f, rest) in Self::followed(scene, n, variant, parameters[0], parameters[1]).iter().enumerate() {
             deformation.add_joint_delta(f, n, rest.error);
         }
     }

@@ -4,7 +4,7 @@ use crate::diagnose::effects::hypothesis::{Catalogue, Model, Term};
 use crate::diagnose::likelihood::fit::Fit;
 use crate::diagnose::model::elementary::Atom;
 use crate::diagnose::model::scene::Scene;
-use crate::diagnose::principles::{Count, LEAST_LOG_ODDS, Threshold, WORTH_NAMING};
+use crate::diagnose::principles::{Count, Threshold, WORTH_NAMING};
 use crate::diagnose::random_effects::geometric_tolerances::Geometry;
 use crate::diagnose::random_effects::small_errors::{KINDS, Kind, single_effect, spring_of};
 use std::collections::BTreeMap;
@@ -110,50 +110,73 @@ pub(crate) fn put_back(
     !back.is_empty()
 }
 
-/// The joint's zero that is an outlier: without it the others' scale is so much smaller that the data are more
-/// probable. Values count by the share that the data determine.
-///
-/// `log BF = Σ_{j≠k} [ln N(μ_j; s₋ₖ) − ln N(μ_j; s)] − ln N(μ_k; s) + ln N(μ_k; σ₀) + ln P`, s and s₋ₖ the scales
-/// with and without it, σ₀ and P its prior as a cause.
-pub(crate) fn standing_out(setup: &Geometry, catalogue: &Catalogue, fit: &Fit) -> Option<Term> {
-    let first = fit.model.nuisances.len();
-    let mut zeros: Vec<(usize, f64, f64)> = Vec::new();
-    for (k, (column, prior)) in setup.group.columns.iter().zip(&setup.group.prior_std).enumerate() {
-        let (Atom::Joint(_), Some((effect, place, _))) = (column.atom, single_effect(column)) else {
-            continue;
-        };
-        let told = 1.0 - (fit.covariance[(first + k, first + k)] / (prior * prior)).clamp(0.0, 1.0);
-        if let Some(h) = catalogue.find(effect, place)
-            && !fit.model.terms.iter().any(|t| t.hypothesis == h)
-        {
-            zeros.push((h, fit.model.group[k], told));
+/// The zeros of the joints of a group: each with its hypothesis, its value, the share of it that the data determine, and
+/// whether it is a cause already.
+pub(crate) struct Zeros<'a> {
+    pub setup: &'a Geometry,
+    pub catalogue: &'a Catalogue,
+    pub each: Vec<(usize, f64, f64, bool)>,
+}
+
+impl<'a> Zeros<'a> {
+    fn of(setup: &'a Geometry, catalogue: &'a Catalogue, fit: &Fit) -> Self {
+        let first = fit.model.nuisances.len();
+        let mut each = Vec::new();
+        for (k, (column, prior)) in setup.group.columns.iter().zip(&setup.group.prior_std).enumerate() {
+            let (Atom::Joint(_), Some((effect, place, _))) = (column.atom, single_effect(column)) else {
+                continue;
+            };
+            let Some(h) = catalogue.find(effect, place) else { continue };
+            let own = fit.model.terms.iter().find(|t| t.hypothesis == h);
+            let told = 1.0 - (fit.covariance[(first + k, first + k)] / (prior * prior)).clamp(0.0, 1.0);
+            let value = fit.model.group[k] + own.map_or(0.0, |t| t.parameters[0]);
+            each.push((h, value, if own.is_some() { 1.0 } else { told }, own.is_some()));
         }
+        Self { setup, catalogue, each }
     }
-    let spread = |but: Option<usize>| {
-        let others = zeros.iter().enumerate().filter(|(i, _)| Some(*i) != but);
-        let (sum, count) = others.fold((0.0, 0.0), |(s, c), (_, (_, v, told))| (s + v * v, c + told));
-        setup.usual_zero(sum, count)
-    };
-    let log_normal = |v: f64, s: f64| -0.5 * (v / s).powi(2) - s.ln();
-    let all = spread(None);
-    let value = |k: usize| {
-        let (h, own, _) = zeros[k];
-        let rest = spread(Some(k));
-        let others: f64 = zeros
-            .iter()
-            .enumerate()
-            .filter(|(i, _)| *i != k)
-            .map(|(_, (_, v, told))| told * (log_normal(*v, rest) - log_normal(*v, all)))
-            .sum();
-        let hypothesis = &catalogue.hypotheses[h];
+
+    /// The common scale of all that are no causes, with one of them or without.
+    fn spread(&self, (of, included): (usize, bool)) -> f64 {
+        let others = self.each.iter().enumerate().filter(|(i, z)| if *i == of { included } else { !z.3 });
+        let (sum, count) = others.fold((0.0, 0.0), |(s, c), (_, (_, v, told, _))| (s + v * v, c + told));
+        self.setup.usual_zero(sum, count)
+    }
+
+    /// Log odds of the k-th as a cause of its own against one of the small errors. Values count by the share that the data
+    /// determine.
+    ///
+    /// `log BF = Σ_{j≠k} [ln N(μ_j; s₋ₖ) − ln N(μ_j; s)] − ln N(μ_k; s) + ln N(μ_k; σ₀) + ln P`, s and s₋ₖ the scales
+    /// with and without it, σ₀ and P its prior as a cause.
+    pub fn log_odds(&self, k: usize) -> f64 {
+        let log_normal = |v: f64, s: f64| -0.5 * (v / s).powi(2) - s.ln();
+        let (h, own, ..) = self.each[k];
+        let (rest, all) = (self.spread((k, false)), self.spread((k, true)));
+        let others = self.each.iter().enumerate().filter(|(i, z)| *i != k && !z.3);
+        let others = others.map(|(_, (_, v, told, _))| told * (log_normal(*v, rest) - log_normal(*v, all)));
+        let hypothesis = &self.catalogue.hypotheses[h];
         let own = log_normal(own, hypothesis.prior_std[0]) - log_normal(own, all);
-        others + own + hypothesis.log_prior
-    };
-    let best = (0..zeros.len()).max_by(|&a, &b| value(a).total_cmp(&value(b)))?;
-    (value(best) > LEAST_LOG_ODDS).then(|| Term {
-        hypothesis: zeros[best].0,
-        variant: 0.0,
-        parameters: vec![0.0],
-        prior_scale: 1.0,
-    })
+        others.sum::<f64>() + own + hypothesis.log_prior
+    }
+}
+
+/// The joint's zero that is more probably a cause of its own than one of the small errors: without it the others' scale
+/// is so much smaller.
+pub(crate) fn standing_out(setup: &Geometry, catalogue: &Catalogue, fit: &Fit) -> Option<Term> {
+    let zeros = Zeros::of(setup, catalogue, fit);
+    let free = (0..zeros.each.len()).filter(|&k| !zeros.each[k].3);
+    let (best, odds) = free.map(|k| (k, zeros.log_odds(k))).max_by(|a, b| a.1.total_cmp(&b.1))?;
+    let hypothesis = zeros.each[best].0;
+    (odds > 0.0).then(|| Term { hypothesis, variant: 0.0, parameters: vec![0.0], prior_scale: 1.0 })
+}
+
+/// Log odds of a zero that is a cause against one of the small errors of all zeros; none of another cause.
+pub(crate) fn odds_of_standing_out(
+    setup: &Geometry,
+    catalogue: &Catalogue,
+    fit: &Fit,
+    hypothesis: usize,
+) -> Option<f64> {
+    let zeros = Zeros::of(setup, catalogue, fit);
+    let k = zeros.each.iter().position(|z| z.0 == hypothesis && z.3)?;
+    Some(zeros.log_odds(k))
 }

@@ -96,8 +96,9 @@ fn of_term(
     if effect.name() == "backlash" && term.variant.is_finite() {
         // A simulator needs it in addition to the width: below it friction, above it gravity's torque decides
         // the side.
-        let std = FRICTION_RESOLUTION * term.variant;
-        parameters.insert("friction_nm".to_owned(), Estimate { value: term.variant, std });
+        let friction_nm = term.variant.abs();
+        let std = FRICTION_RESOLUTION * friction_nm;
+        parameters.insert("friction_nm".to_owned(), Estimate { value: friction_nm, std });
     }
     let cause = Cause {
         effect: effect.name().to_owned(),

@@ -10,6 +10,7 @@ use crate::diagnose::data::recording::Recording;
 use crate::diagnose::likelihood::probability::unfinished;
 use crate::diagnose::prepare::first_day::leaves_gross;
 use crate::diagnose::principles::{ABOVE_SCATTER, LEAST_HELD_OUT_RATIO, MAJORITY};
+use crate::diagnose::random_effects::geometric_tolerances::Geometry;
 use crate::diagnose::report::gap_steps::Part;
 use crate::diagnose::report::one_scale::one_scale;
 use crate::diagnose::report::rms_shift::noise_square;
@@ -143,10 +144,12 @@ fn changes_with_regions(gap: &Gap) -> bool {
 }
 
 /// Limits what is told where the limit of work was reached and a remainder is left, if the selection cannot be trusted
-/// either: without a region of postures other causes are selected that predict worse, or in every region others. Of
-/// each cause, mounts by hand and whole mistakes apart, one that was not tested may be as probable.
+/// either: without a region of postures other causes are selected that predict worse, or in every region others, or small
+/// errors everywhere would have to be larger than such errors are. Of each cause, mounts by hand and whole mistakes apart,
+/// one that was not tested may be as probable.
 fn where_unsettled(diagnosis: &mut Diagnosis, findings: &Findings<'_>) {
-    if findings.found.cut_off || !changes_with_regions(&diagnosis.gap) {
+    let too_large = findings.geometry.as_ref().is_some_and(Geometry::is_at_its_bound);
+    if findings.found.cut_off || !(too_large || changes_with_regions(&diagnosis.gap)) {
         return;
     }
     let whole = |c: &Cause| findings.mistakes.iter().any(|m| m.effect == c.effect && m.at == c.at);
@@ -155,9 +158,14 @@ fn where_unsettled(diagnosis: &mut Diagnosis, findings: &Findings<'_>) {
         cause.probability = unfinished(cause.probability);
     }
     diagnosis.warnings.push(
-        "a remainder is left, the search reached its limit of work, and parts of the postures select other causes: each cause is told as no more probable than \
-         one that was not tested"
-            .into(),
+        format!(
+            "a remainder is left, the search reached its limit of work, and {}: each cause is told as no more probable than one that was not tested",
+            if too_large {
+                "the small errors would have to be larger than such errors are"
+            } else {
+                "parts of the postures select other causes"
+            }
+        ),
     );
 }
 

@@ -36,7 +36,7 @@ pub(crate) fn standing(search: &Search<'_>, found: &Found, i: usize) -> Result<S
     let rest = search.taken_out(&found.fit.model, i, found.noise)?;
     let named =
         Search { options: SearchOptions { named_only: true, ..search.options.clone() }, ..search.clone() };
-    let rivals = rivals_at_all_noises(&named, found, i, &rest, own)?;
+    let (rivals, far) = rivals_at_all_noises(&named, found, i, &rest, own)?;
     let tolerated = search.log_odds(&found.fit, i, found.noise)?;
     let reference = if rivals.is_empty() {
         0.0
@@ -65,23 +65,29 @@ pub(crate) fn standing(search: &Search<'_>, found: &Found, i: usize) -> Result<S
     let nothing = (-TEMPER * tolerated).min(50.0).exp();
     let total = 1.0 + nothing + weights.iter().map(|w| w.2).sum::<f64>();
     let scale = (1.0 - UNTHOUGHT_OF) / total;
+    let weights_of: Vec<usize> = weights.iter().map(|w| w.0).collect();
     let rivals = weights
         .into_iter()
         .map(|(hypothesis, variant, w)| Rival { hypothesis, variant, probability: w * scale })
         .collect();
-    Ok(Standing { mounts, ..Standing::of(scale, rivals, nothing * scale) })
+    let mut standing = Standing { mounts, ..Standing::of(scale, rivals, nothing * scale) };
+    let fitted = weights_of.into_iter().chain(far);
+    standing.outdone = fitted
+        .filter(|&h| both_laws_err(search, own, h) && !standing.rivals.iter().any(|r| r.hypothesis == h))
+        .collect();
+    Ok(standing)
 }
 
 /// The best alternatives in the place of the i-th cause, fitted. First with the noise that the model without the
 /// cause leaves: with the measurement's own noise everything that the cause explains would look false, and no
-/// alternative could compete.
+/// alternative could compete. Also the hypotheses that are far behind.
 fn rivals_at_all_noises(
     named: &Search<'_>,
     found: &Found,
     i: usize,
     rest: &Model,
     own: usize,
-) -> Result<Vec<Fit>> {
+) -> Result<(Vec<Fit>, Vec<usize>)> {
     let coarse = named.effective(rest)?;
     let own_fit = named.fit_with_slack(&found.fit.model, Some(i), coarse, 4)?;
     let count = if named.problem.budget.is_spent() { FEW_RIVALS } else { RIVALS };
@@ -94,18 +100,20 @@ fn rivals_at_all_noises(
         })
     };
     if !candidates.iter().any(|fit| is_rival(&fit)) {
-        return Ok(Vec::new());
+        return Ok((Vec::new(), Vec::new()));
     }
     let reference = named.log_posterior(&own_fit);
     // Log odds at which an alternative would be less probable than is worth naming.
     let far_behind = -WORTH_NAMING.ln() / TEMPER;
-    candidates
-        .iter()
-        .filter(is_rival)
-        // What fits worse here fits worse by far at the finer noise; what only has more parameters does not.
-        .filter(|fit| reference - named.log_posterior(fit) < far_behind)
+    // What fits worse here fits worse by far at the finer noise; what only has more parameters does not.
+    let (near, far): (Vec<&Fit>, Vec<&Fit>) =
+        candidates.iter().filter(is_rival).partition(|fit| reference - named.log_posterior(fit) < far_behind);
+    let near = near
+        .into_iter()
         .map(|fit| named.fit_with_slack(&fit.model, Some(fit.model.terms.len() - 1), found.noise, 8))
-        .collect()
+        .collect::<Result<_>>()?;
+    let far = far.iter().filter_map(|fit| fit.model.terms.last()).map(|term| term.hypothesis).collect();
+    Ok((near, far))
 }
 
 /// The i-th cause compared with markers that are all free within the stated tolerance of their mounts; none where

@@ -1,7 +1,7 @@
 //! Candidates that could be added to a model: the hypotheses that the score test ranks high, fitted, each with the
 //! most probable value of its discrete unknown (a friction torque, a side).
 
-use crate::diagnose::effects::hypothesis::Model;
+use crate::diagnose::effects::hypothesis::{Model, Term};
 use crate::diagnose::likelihood::fit::{Fit, FitOptions, fit_below};
 use crate::diagnose::likelihood::linearised::likeliest_variants;
 use crate::diagnose::likelihood::score_test::{Score, screen};
@@ -143,15 +143,25 @@ impl Search<'_> {
         Ok(screen(&self.problem, self.catalogue, &group, &start, noise, self.mask)?.scores)
     }
 
+    /// Values of a cause's discrete unknown that the score test cannot tell from its own.
+    fn variants_beside(&self, term: &Term) -> Vec<f64> {
+        let (effect, place) =
+            (self.catalogue.effect(term.hypothesis), self.catalogue.hypotheses[term.hypothesis].place);
+        effect.variants_beside(&self.problem.scene, place, term.variant, &term.parameters)
+    }
+
     /// The last cause with the best of all its discrete unknowns, each fitted.
     fn best_variant(&self, fit: &Fit, noise: Noise) -> Result<Fit> {
         let Some(term) = fit.model.terms.last() else { return Ok(fit.clone()) };
-        let variants = &self.catalogue.hypotheses[term.hypothesis].variants;
-        if variants.len() < 2 {
+        let hypothesis = &self.catalogue.hypotheses[term.hypothesis];
+        let mut variants =
+            if hypothesis.variants.len() < 2 { Vec::new() } else { hypothesis.variants.clone() };
+        variants.extend(self.variants_beside(term));
+        if variants.is_empty() {
             return Ok(fit.clone());
         }
         let last = fit.model.terms.len() - 1;
-        let likeliest = self.likeliest_variants(&fit.model, (last, Some(last)), noise, variants)?;
+        let likeliest = self.likeliest_variants(&fit.model, (last, Some(last)), noise, &variants)?;
         let tried = likeliest
             .par_iter()
             .map(|&variant| {
@@ -238,11 +248,9 @@ impl Search<'_> {
             }
             let term = &best.model.terms[i];
             let hypothesis = &self.catalogue.hypotheses[term.hypothesis];
-            if hypothesis.variants.len() < 2 {
-                continue;
-            }
             let effect = self.catalogue.effect(term.hypothesis);
-            let near = effect.variants_near(&self.problem.scene, hypothesis.place, term.variant);
+            let mut near = effect.variants_near(&self.problem.scene, hypothesis.place, term.variant);
+            near.extend(self.variants_beside(term));
             if near.is_empty() {
                 continue;
             }

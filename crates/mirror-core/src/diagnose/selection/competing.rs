@@ -25,10 +25,12 @@ impl Competing {
         Self { hypotheses: hypotheses.collect(), most: usize::MAX, ..Self::default() }
     }
 
-    /// The causes' alternatives, and the highest-ranked hypotheses of the first screening.
+    /// The causes' alternatives, and the highest-ranked hypotheses of the first screening but those that are outdone.
     pub fn of(standings: &[Option<Standing>], ranking: &[Score]) -> Self {
         let rivals = standings.iter().flatten().flat_map(|s| &s.rivals).map(|r| (r.hypothesis, r.variant));
+        let outdone = |h: usize| standings.iter().flatten().any(|s| s.outdone.contains(&h));
         let first_look = ranking.iter().map(|s| (s.hypothesis, s.variant)).take(4 * COMPETING);
+        let first_look = first_look.filter(|(hypothesis, _)| !outdone(*hypothesis));
         Self { hypotheses: rivals.chain(first_look).collect(), most: COMPETING, ..Self::default() }
     }
 

@@ -79,8 +79,9 @@ impl<'a> LinearSearch<'a> {
         let (problem, catalogue) = (&search.problem, search.catalogue);
         let (group, model): (_, Model) = search.loosened(model, None);
         let active = Active::of(problem, catalogue, &group, &model);
-        // Only named causes crowd a place.
-        let node = |h: usize| catalogue.hypotheses[h].place.node().filter(|_| !catalogue.is_free(h));
+        // Only named causes crowd a place, and of these none that is one of the small errors.
+        let crowds = |h: usize| !catalogue.is_free(h) && !geometry.is_some_and(|g| g.holds(catalogue, h));
+        let node = |h: usize| catalogue.hypotheses[h].place.node().filter(|_| crowds(h));
         let stays = |h: usize| catalogue.is_free(h) && !competing.free_forms;
         let of = |(hypothesis, variant): (usize, f64), columns: Range<usize>| Candidate {
             hypothesis,

@@ -21,6 +21,9 @@ pub(crate) struct Standing {
     pub(super) nothing: f64,
     /// The markers' mounts together, where they could do as well.
     pub(super) mounts: Option<ByMounts>,
+    /// Other laws of its joint that are out of the question in its place once they are fitted exactly: near nothing, where
+    /// linear models compare them, they may look the same.
+    pub(super) outdone: Vec<usize>,
 }
 
 impl Standing {
@@ -28,7 +31,7 @@ impl Standing {
     pub fn of(probability: f64, mut rivals: Vec<Rival>, nothing: f64) -> Self {
         rivals.retain(|r| r.probability >= UNTHOUGHT_OF);
         rivals.sort_by(|a, b| b.probability.total_cmp(&a.probability));
-        Self { probability, rivals, nothing, mounts: None }
+        Self { probability, rivals, nothing, mounts: None, outdone: Vec::new() }
     }
 
     /// The alternative that is more probable than the cause.
@@ -117,7 +120,8 @@ mod tests {
     #[test]
     fn what_none_of_them_is_takes_its_share_of_all() {
         let rivals = vec![Rival { hypothesis: 3, variant: 0.0, probability: 0.3 }];
-        let mut standing = Standing { probability: 0.6, rivals, nothing: 0.09, mounts: None };
+        let mut standing =
+            Standing { probability: 0.6, rivals, nothing: 0.09, mounts: None, outdone: Vec::new() };
         let challenged = standing.challenged();
         standing.besides_another(0.5);
         assert!((standing.probability - 0.4).abs() < 1e-12 && (standing.nothing - 0.06).abs() < 1e-12);

@@ -24,3 +24,4 @@ mod statistics;
 mod thresholds;
 mod transmission;
 mod work_limit;
+mod zeros;
