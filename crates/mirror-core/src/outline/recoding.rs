@@ -5,7 +5,6 @@
 //! decoder interpolates colour between samples linearly, as libjpeg does.
 
 use super::patch::Picture;
-use core::ops::Range;
 use multiversion::multiversion;
 use std::sync::LazyLock;
 
@@ -13,6 +12,16 @@ use std::sync::LazyLock;
 pub(super) const BLOCK: usize = 8;
 const SIZE: usize = BLOCK * BLOCK;
 type Block = [f32; SIZE];
+/// Side of the largest unit, pixels.
+const WIDEST: usize = 2 * BLOCK;
+/// Pixels of a unit.
+pub(super) type Decoded = [[[u8; 3]; WIDEST]; WIDEST];
+/// So many blocks are transformed together.
+const LANES: usize = 32;
+/// Samples of blocks, each of all of them.
+type Blocks = [[f32; LANES]; SIZE];
+/// A block's samples and those around it.
+type Samples = [[f32; BLOCK + 2]; BLOCK + 2];
 
 /// How a JPEG was coded: the steps of its coefficients, row by row, and the pixels across and down that share a colour.
 #[derive(Debug, Clone, PartialEq)]
@@ -30,9 +39,6 @@ static COSINES: LazyLock<Block> = LazyLock::new(|| {
         (size * ((2.0 * n + 1.0) * k * core::f64::consts::PI / 16.0).cos()) as f32
     })
 });
-/// Its transpose, which undoes it.
-static COSINES_BACK: LazyLock<Block> =
-    LazyLock::new(|| core::array::from_fn(|i| COSINES[i % BLOCK * BLOCK + i / BLOCK]));
 
 impl Codec {
     /// By tables of steps (levels, at least 1; row by row) of brightness and colour; None where a step is 0 or the sampling is not 1 or 2 each way.
@@ -52,16 +58,16 @@ impl Codec {
         [BLOCK * self.sampling.0, BLOCK * self.sampling.1]
     }
 
-    /// Codes the unit from a pixel of the planes on.
-    pub(super) fn code_unit(&self, planes: &mut Planes, [x, y]: [usize; 2]) {
+    /// Codes the units from pixels of the planes on.
+    pub(super) fn code_units(&self, planes: &mut Planes, units: &[[usize; 2]]) {
         let (across, down) = self.sampling;
-        for v in 0..down {
-            for u in 0..across {
-                code_block(&mut planes.luma, planes.width, (x + u * BLOCK, y + v * BLOCK), &self.luma_steps);
-            }
-        }
+        let parts = (0..down).flat_map(|v| (0..across).map(move |u| (u * BLOCK, v * BLOCK)));
+        let luma: Vec<(usize, usize)> =
+            parts.flat_map(|(u, v)| units.iter().map(move |[x, y]| (x + u, y + v))).collect();
+        code_blocks(&mut planes.luma, planes.width, &luma, &self.luma_steps);
+        let chroma: Vec<(usize, usize)> = units.iter().map(|[x, y]| (x / across, y / down)).collect();
         for plane in &mut planes.chroma {
-            code_block(plane, planes.width / across, (x / across, y / down), &self.chroma_steps);
+            code_blocks(plane, planes.width / across, &chroma, &self.chroma_steps);
         }
     }
 }
@@ -110,92 +116,152 @@ impl Planes {
         Self { width, height, luma, chroma }
     }
 
-    /// Decoded pixels of a row of a unit.
-    pub fn decode(
-        &self,
-        y: usize,
-        columns: Range<usize>,
-        (across, down): (usize, usize),
-        to: &mut [[u8; 3]],
-    ) {
-        let samples = self.width / across;
-        let (above, below, b) = between(y, down, self.height / down);
-        let luma = &self.luma[y * self.width..(y + 1) * self.width];
-        // Of the two rows of samples, each kind for all of the pixels in one loop.
-        let rows = [0, 1].map(|k| {
-            [above, below].map(|row| {
-                let row = &self.chroma[k][row * samples..(row + 1) * samples];
-                let mut along = [0.0f32; 2 * BLOCK];
-                for (x, value) in columns.clone().zip(&mut along) {
-                    let (left, right, a) = between(x, across, samples);
-                    *value = (1.0 - a) * row[left] + a * row[right];
-                }
-                along
-            })
-        });
-        let [blue, red] = rows.map(|[above, below]| -> [f32; 2 * BLOCK] {
-            core::array::from_fn(|i| (1.0 - b) * above[i] + b * below[i])
-        });
-        for (((luma, blue), red), level) in luma[columns].iter().zip(&blue).zip(&red).zip(to) {
-            let luma = luma + 128.0;
-            // (A float beyond the range of levels becomes the nearest one.)
-            let rounded = |level: f32| (level + 0.5) as u8;
-            *level = [
-                rounded(luma + 1.772 * blue),
-                rounded(luma - 0.344_136 * blue - 0.714_136 * red),
-                rounded(luma + 1.402 * red),
-            ];
+    /// The decoded pixels of the unit from a pixel on, row by row; of smaller units the rest is empty.
+    pub fn decoded(&self, [x, y]: [usize; 2], (across, down): (usize, usize)) -> Decoded {
+        let first = (x / across, y / down);
+        let size = (self.width / across, self.height / down);
+        let [blue, red] = self.chroma.each_ref().map(|plane| surrounded(plane, first, size));
+        let mut luma = [[0.0f32; WIDEST]; WIDEST];
+        let rows = self.luma.chunks_exact(self.width).skip(y).take(BLOCK * down);
+        for (to, from) in luma.iter_mut().zip(rows) {
+            to[..BLOCK * across].copy_from_slice(&from[x..x + BLOCK * across]);
         }
+        levels_of(&luma, &blue, &red, (across, down))
     }
 }
 
-/// The two samples around a pixel, and the weight of the second.
-#[inline]
-fn between(pixel: usize, step: usize, count: usize) -> (usize, usize, f32) {
-    if step == 1 {
-        return (pixel, pixel, 0.0);
-    }
-    let (near, odd) = (pixel / 2, pixel % 2);
-    if odd == 0 { (near, near.saturating_sub(1), 0.25) } else { (near, (near + 1).min(count - 1), 0.25) }
+/// Samples of a block's colour with their neighbours on all sides; beyond the plane as on its border.
+fn surrounded(plane: &[f32], (left, top): (usize, usize), (columns, rows): (usize, usize)) -> Samples {
+    let inside = |at: usize, size: usize| at.saturating_sub(1).min(size - 1);
+    core::array::from_fn(|row| {
+        let from = &plane[inside(top + row, rows) * columns..][..columns];
+        core::array::from_fn(|column| from[inside(left + column, columns)])
+    })
 }
 
-/// Rounds the coefficients of the block at a sample of a plane.
-fn code_block(plane: &mut [f32], width: usize, (left, top): (usize, usize), steps: &Block) {
-    let mut block = [0.0f32; SIZE];
-    for row in 0..BLOCK {
-        let start = (top + row) * width + left;
-        block[row * BLOCK..(row + 1) * BLOCK].copy_from_slice(&plane[start..start + BLOCK]);
-    }
-    let coded = rounded(&block, steps, &COSINES, &COSINES_BACK);
-    for row in 0..BLOCK {
-        let start = (top + row) * width + left;
-        plane[start..start + BLOCK].copy_from_slice(&coded[row * BLOCK..(row + 1) * BLOCK]);
-    }
-}
-
-/// A block with its coefficients rounded to multiples of their steps.
-#[multiversion(targets("x86_64+avx512f", "x86_64+avx2+fma"))]
-fn rounded(block: &Block, steps: &Block, forth: &Block, back: &Block) -> Block {
+/// The levels of a unit by its brightness and its colour's samples, which are interpolated where pixels share them: three parts of the nearer one, one of the other.
+#[multiversion(targets("x86_64+avx512f", "x86_64+avx2"))]
+fn levels_of(
+    luma: &[[f32; WIDEST]; WIDEST],
+    blue: &Samples,
+    red: &Samples,
+    (across, down): (usize, usize),
+) -> Decoded {
     #[inline(always)]
-    fn product(a: &Block, b: &Block) -> Block {
-        let mut result = [0.0f32; SIZE];
-        for row in 0..BLOCK {
-            let mut sum = [0.0f32; BLOCK];
-            for k in 0..BLOCK {
-                let factor = a[row * BLOCK + k];
-                for column in 0..BLOCK {
-                    sum[column] += factor * b[k * BLOCK + column];
+    fn mixed(near: f32, other: f32) -> f32 {
+        0.75 * near + 0.25 * other
+    }
+    #[inline(always)]
+    fn wide(samples: &[f32; BLOCK + 2], across: usize) -> [f32; WIDEST] {
+        let mut wide = [0.0f32; WIDEST];
+        if across == 1 {
+            wide[..BLOCK].copy_from_slice(&samples[1..=BLOCK]);
+        } else {
+            for at in 0..BLOCK {
+                wide[2 * at] = mixed(samples[at + 1], samples[at]);
+                wide[2 * at + 1] = mixed(samples[at + 1], samples[at + 2]);
+            }
+        }
+        wide
+    }
+    // Across first: once for the rows of pixels that share a sample.
+    let along = [blue, red].map(|samples| {
+        let mut rows = [[0.0f32; WIDEST]; BLOCK + 2];
+        for (row, samples) in rows.iter_mut().zip(samples) {
+            *row = wide(samples, across);
+        }
+        rows
+    });
+    let mut decoded = [[[0u8; 3]; WIDEST]; WIDEST];
+    for (y, (to, luma)) in decoded.iter_mut().zip(luma).take(BLOCK * down).enumerate() {
+        let near = y / down + 1;
+        let other = if y % down == 0 { near - 1 } else { near + 1 };
+        let [blue, red] = [0, 1].map(|k| {
+            let rows = &along[k];
+            let mut row = rows[near];
+            if down == 2 {
+                for (value, other) in row.iter_mut().zip(&rows[other]) {
+                    *value = mixed(*value, *other);
                 }
             }
-            result[row * BLOCK..(row + 1) * BLOCK].copy_from_slice(&sum);
+            row
+        });
+        // (A float beyond the range of levels becomes the nearest one.)
+        let mut levels = [[0u8; WIDEST]; 3];
+        for x in 0..WIDEST {
+            let luma = luma[x] + 128.0;
+            levels[0][x] = (luma + 1.772 * blue[x] + 0.5) as u8;
+            levels[1][x] = (luma - 0.344_136 * blue[x] - 0.714_136 * red[x] + 0.5) as u8;
+            levels[2][x] = (luma + 1.402 * red[x] + 0.5) as u8;
         }
-        result
+        for (x, pixel) in to.iter_mut().enumerate() {
+            *pixel = [levels[0][x], levels[1][x], levels[2][x]];
+        }
     }
-    let mut coefficients = product(&product(forth, block), back);
-    for (value, step) in coefficients.iter_mut().zip(steps) {
-        *value = (*value / step).round_ties_even() * step;
+    decoded
+}
+
+/// Rounds the coefficients of the blocks at samples of a plane, which do not overlap.
+fn code_blocks(plane: &mut [f32], width: usize, corners: &[(usize, usize)], steps: &Block) {
+    let mut blocks = [[0.0f32; LANES]; SIZE];
+    for corners in corners.chunks(LANES) {
+        let places = |(left, top): (usize, usize)| {
+            (0..BLOCK).map(move |row| (row * BLOCK, (top + row) * width + left))
+        };
+        for (lane, corner) in corners.iter().enumerate() {
+            for (at, start) in places(*corner) {
+                for (values, sample) in blocks[at..at + BLOCK].iter_mut().zip(&plane[start..start + BLOCK]) {
+                    values[lane] = *sample;
+                }
+            }
+        }
+        round(&mut blocks, steps, &COSINES);
+        for (lane, corner) in corners.iter().enumerate() {
+            for (at, start) in places(*corner) {
+                for (values, sample) in blocks[at..at + BLOCK].iter().zip(&mut plane[start..start + BLOCK]) {
+                    *sample = values[lane];
+                }
+            }
+        }
     }
-    product(&product(back, &coefficients), forth)
+}
+
+/// Rounds the coefficients of blocks to multiples of their steps.
+#[multiversion(targets("x86_64+avx512f", "x86_64+avx2"))]
+fn round(blocks: &mut Blocks, steps: &Block, cosines: &Block) {
+    /// The transform of eight samples that lie `apart`, or what undoes it.
+    #[inline(always)]
+    fn transform(blocks: &mut Blocks, first: usize, apart: usize, cosines: &Block, back: bool) {
+        let mut sums = [[0.0f32; LANES]; BLOCK];
+        for (k, sum) in sums.iter_mut().enumerate() {
+            for n in 0..BLOCK {
+                let factor = cosines[if back { n * BLOCK + k } else { k * BLOCK + n }];
+                for (sum, value) in sum.iter_mut().zip(&blocks[first + n * apart]) {
+                    *sum += factor * value;
+                }
+            }
+        }
+        for (k, sum) in sums.iter().enumerate() {
+            blocks[first + k * apart] = *sum;
+        }
+    }
+    for column in 0..BLOCK {
+        transform(blocks, column, BLOCK, cosines, false);
+    }
+    for row in 0..BLOCK {
+        transform(blocks, row * BLOCK, 1, cosines, false);
+    }
+    for (values, step) in blocks.iter_mut().zip(steps) {
+        for value in values {
+            *value = (*value / step).round_ties_even() * step;
+        }
+    }
+    for column in 0..BLOCK {
+        transform(blocks, column, BLOCK, cosines, true);
+    }
+    for row in 0..BLOCK {
+        transform(blocks, row * BLOCK, 1, cosines, true);
+    }
 }
 
 #[cfg(test)]
@@ -254,7 +320,9 @@ mod tests {
             seed = seed.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
             (seed >> 24) as f32 - 128.0
         });
-        let coded = rounded(&block, &[10.0; SIZE], &COSINES, &COSINES_BACK);
+        let mut blocks = block.map(|sample| [sample; LANES]);
+        round(&mut blocks, &[10.0; SIZE], &COSINES);
+        let coded = blocks.map(|samples| samples[LANES - 1]);
         let square = block.iter().zip(&coded).map(|(a, b)| (a - b).powi(2)).sum::<f32>() / SIZE as f32;
         assert!((square - 100.0 / 12.0).abs() < 3.0, "{square}");
     }

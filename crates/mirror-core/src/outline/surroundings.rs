@@ -60,21 +60,18 @@ impl<'a> Surroundings<'a> {
             for x in (first_x..across + width).step_by(across) {
                 if self.reaches([x, y]) {
                     coded.push([x, y]);
-                    self.codec.code_unit(&mut planes, [x, y]);
                 }
             }
         }
+        self.codec.code_units(&mut planes, &coded);
         let mut levels = self.levels.clone();
         for [x, y] in coded {
+            let decoded = planes.decoded([x, y], self.codec.sampling());
+            let (begin, end) = (x.max(across), (x + across).min(across + width));
             for row in y.max(down)..(y + down).min(down + height) {
-                let (begin, end) = (x.max(across), (x + across).min(across + width));
                 let to = (row - down) * width;
-                planes.decode(
-                    row,
-                    begin..end,
-                    self.codec.sampling(),
-                    &mut levels[to + begin - across..to + end - across],
-                );
+                levels[to + begin - across..to + end - across]
+                    .copy_from_slice(&decoded[row - y][begin - x..end - x]);
             }
         }
         levels
