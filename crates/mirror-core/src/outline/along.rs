@@ -69,18 +69,27 @@ impl Along {
             mean_and_variance(luma[zone.clone()].iter().copied()).0.max(LEAST_BRIGHTNESS)
         };
         let (own, other) = (of_zone(ball_zone), of_zone(behind_zone));
-        let last = rays.between(edge - BALL_CLEAR_PX, edge).start.min(luma.len() - 1);
+        let last = rays.between(edge - BALL_CLEAR_PX, edge).start.min(rim);
         let first = rays.between(edge + BEHIND_CLEAR_PX, f64::INFINITY).start.min(luma.len() - 1);
-        let of_ball = |i: usize| {
-            let carried = shade[i.clamp(last.min(rim), rim)] / shade[last.min(rim)];
-            in_range(luma[i.min(last)] / own * carried, BALL_RANGE)
-        };
-        self.at_rim = of_ball(rim);
         self.ball.resize(luma.len(), 1.0);
         self.behind.resize(luma.len(), 1.0);
-        for i in read {
-            self.ball[i] = of_ball(i);
-            self.behind[i] = in_range(luma[i.max(first)] / other, BEHIND_RANGE);
+        // Its own brightness up to the last clear sample, from there to the rim carried by the shading.
+        let (clear, inner) = (last.clamp(read.start, read.end), rim.clamp(read.start, read.end));
+        let (per_own, carried) = (own.recip(), luma[last] / (own * shade[last]));
+        self.at_rim = in_range(shade[rim] * carried, BALL_RANGE);
+        for (to, level) in self.ball[read.start..clear].iter_mut().zip(&luma[read.start..clear]) {
+            *to = in_range(level * per_own, BALL_RANGE);
+        }
+        for (to, light) in self.ball[clear..inner].iter_mut().zip(&shade[clear..inner]) {
+            *to = in_range(light * carried, BALL_RANGE);
+        }
+        self.ball[inner..read.end].fill(self.at_rim);
+        // What lies behind from its first clear sample on, and inward as there.
+        let per_other = other.recip();
+        let begin = first.clamp(read.start, read.end);
+        self.behind[read.start..begin].fill(in_range(luma[first] * per_other, BEHIND_RANGE));
+        for (to, level) in self.behind[begin..read.end].iter_mut().zip(&luma[begin..read.end]) {
+            *to = in_range(level * per_other, BEHIND_RANGE);
         }
     }
 }

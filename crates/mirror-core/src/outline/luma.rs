@@ -69,7 +69,12 @@ pub(super) fn lens_before_codec(edge: &RayEdge, lens_px: f64) -> f64 {
 }
 
 /// From the brightness between two colours to the share of the first's light: light mixes before it is encoded.
-struct Curve([f64; CURVE_STEPS + 1]);
+struct Curve {
+    /// The brightness at even steps of the share.
+    brightness: [f64; CURVE_STEPS + 1],
+    /// Share for each brightness, from each step on.
+    slope: [f64; CURVE_STEPS],
+}
 
 impl Curve {
     /// None where the brightness between the colours does not rise all the way.
@@ -80,34 +85,48 @@ impl Curve {
             (0..3).map(|c| WEIGHTS[c] * level_of(share * own[c] + (1.0 - share) * other[c])).sum()
         };
         let (low, high) = (at(0.0), at(1.0));
-        let curve = core::array::from_fn(|i| (at(i as f64 / CURVE_STEPS as f64) - low) / (high - low));
-        curve.windows(2).all(|pair| pair[1] > pair[0] + 1e-4).then_some(Self(curve))
+        let brightness: [f64; CURVE_STEPS + 1] =
+            core::array::from_fn(|i| (at(i as f64 / CURVE_STEPS as f64) - low) / (high - low));
+        let step = 1.0 / CURVE_STEPS as f64;
+        let slope = core::array::from_fn(|i| step / (brightness[i + 1] - brightness[i]));
+        brightness.windows(2).all(|pair| pair[1] > pair[0] + 1e-4).then_some(Self { brightness, slope })
     }
 
     /// The share at a brightness, 0 and 1 at the two colours'.
+    #[inline]
     fn share(&self, brightness: f64) -> f64 {
-        let curve = &self.0;
-        let step = 1.0 / CURVE_STEPS as f64;
-        let end = |a: usize, b: usize| (step / (curve[b] - curve[a])).clamp(END_SLOPE.0, END_SLOPE.1);
+        let end = |at: usize| self.slope[at].clamp(END_SLOPE.0, END_SLOPE.1);
         if brightness <= 0.0 {
-            return brightness * end(0, 1);
+            return brightness * end(0);
         }
         if brightness >= 1.0 {
-            return 1.0 + (brightness - 1.0) * end(CURVE_STEPS - 1, CURVE_STEPS);
+            return 1.0 + (brightness - 1.0) * end(CURVE_STEPS - 1);
         }
-        let above = curve.partition_point(|b| *b <= brightness).clamp(1, CURVE_STEPS);
-        let (low, high) = (curve[above - 1], curve[above]);
-        step * ((above - 1) as f64 + (brightness - low) / (high - low))
+        let below = self.brightness[1..CURVE_STEPS].partition_point(|b| *b <= brightness);
+        below as f64 / CURVE_STEPS as f64 + (brightness - self.brightness[below]) * self.slope[below]
     }
 }
 
 /// Edges of the brightness near those of the colour.
 pub(super) fn luma_edges(rays: &Rays<'_>, edges: &[RayEdge], lens_px: f64) -> Vec<LumaEdge> {
     let window = window_px(lens_px, LUMA_WINDOW).min(0.45 * rays.mean_radius_px);
-    edges.iter().enumerate().map(|(ray, edge)| luma_edge(rays, ray, edge, window, lens_px)).collect()
+    let mut step = Step::default();
+    edges
+        .iter()
+        .enumerate()
+        .map(|(ray, edge)| luma_edge(rays, ray, edge, window, lens_px, &mut step))
+        .collect()
 }
 
-fn luma_edge(rays: &Rays<'_>, ray: usize, colour: &RayEdge, window: f64, lens_px: f64) -> LumaEdge {
+/// Of one ray; `step` is overwritten.
+fn luma_edge(
+    rays: &Rays<'_>,
+    ray: usize,
+    colour: &RayEdge,
+    window: f64,
+    lens_px: f64,
+    step: &mut Step,
+) -> LumaEdge {
     let none = LumaEdge { offset: colour.offset, std_px: f64::INFINITY, contrast: 0.0 };
     if !colour.found {
         return none;
@@ -132,11 +151,13 @@ fn luma_edge(rays: &Rays<'_>, ray: usize, colour: &RayEdge, window: f64, lens_px
         if !(contrast.abs() > MIN_EDGE_CONTRAST) {
             return none;
         }
-        let of_ball = |i: usize| curve.share((own * carried(i) - behind) / contrast);
+        let per_contrast = contrast.recip();
+        let of_ball = |i: usize| curve.share((own * carried(i) - behind) * per_contrast);
         let at_rim = of_ball(rim);
-        let more = Step::at(rays, edge, blur, TAPER).beyond(|i, left| {
+        step.set(rays, edge, blur, TAPER);
+        let more = step.beyond(|i, left| {
             let ball = if i < rim { of_ball(i) } else { at_rim };
-            curve.share((values[i] - behind) / contrast) - ball * left
+            curve.share((values[i] - behind) * per_contrast) - ball * left
         });
         let doubt = SHADE_DOUBT * own * (1.0 - carried(rim)) / contrast;
         let uneven = (uneven_ball + uneven_behind) / (contrast * contrast) + doubt * doubt;

@@ -22,7 +22,7 @@ pub(super) struct OwnColour {
 impl OwnColour {
     pub fn of(patch: &Patch, grid: &Grid, center: Vector2<f64>, radius: f64) -> Option<Self> {
         let light: Vec<Vector3<f64>> = patch
-            .light
+            .pixels
             .iter()
             .map(|p| Vector3::new(f64::from(p[0]), f64::from(p[1]), f64::from(p[2])))
             .collect();

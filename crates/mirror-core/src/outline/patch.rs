@@ -164,10 +164,9 @@ pub(super) struct Patch {
     top: f64,
     pub width: usize,
     pub height: usize,
-    /// Linear light, or, where the codec blurs the colours, its levels (0..1): colours mix linearly where they are blurred.
-    pub light: Vec<[f32; 3]>,
-    /// Brightness, 0..1, as sharp as the codec has it; only where `coded`.
-    pub luma: Vec<f32>,
+    /// Blue, green and red: linear light, or, where the codec blurs the colours, its levels (0..1): colours mix linearly where they are blurred. Last the brightness,
+    /// 0..1, as sharp as the codec has it; only where `coded`.
+    pub pixels: Vec<[f32; 4]>,
     pub coded: bool,
     /// Standard deviation by which a noisy picture was smoothed, px.
     pub smoothing_px: f64,
@@ -198,22 +197,19 @@ impl Patch {
             0.0
         };
         let coded = chroma_step != (1, 1);
-        let (mut light, mut luma);
-        if coded {
-            luma = levels.iter().map(|p| luma_of(p) / 255.0).collect::<Vec<f32>>();
-            light = at_chroma_resolution(&levels, &luma, width, height, chroma_step);
-            smooth(&mut luma, width, height, smoothing);
+        let mut pixels: Vec<[f32; 4]> = if coded {
+            let luma: Vec<f32> = levels.iter().map(|p| luma_of(p) / 255.0).collect();
+            at_chroma_resolution(&levels, &luma, width, height, chroma_step)
         } else {
-            luma = Vec::new();
             let table = picture.light();
             let of = |level: u8| table[usize::from(level)];
-            light = levels.iter().map(|[b, g, r]| [of(*b), of(*g), of(*r)]).collect();
-        }
+            levels.iter().map(|[b, g, r]| [of(*b), of(*g), of(*r), 0.0]).collect()
+        };
         if smoothing > 0.0 {
-            for channel in 0..3 {
-                let mut plane: Vec<f32> = light.iter().map(|p| p[channel]).collect();
+            for channel in 0..if coded { 4 } else { 3 } {
+                let mut plane: Vec<f32> = pixels.iter().map(|p| p[channel]).collect();
                 smooth(&mut plane, width, height, smoothing);
-                for (pixel, value) in light.iter_mut().zip(plane) {
+                for (pixel, value) in pixels.iter_mut().zip(plane) {
                     pixel[channel] = value;
                 }
             }
@@ -223,8 +219,7 @@ impl Patch {
             top: place.top as f64,
             width,
             height,
-            light,
-            luma,
+            pixels,
             coded,
             smoothing_px: smoothing,
         }
@@ -264,22 +259,13 @@ impl Patch {
         Corners { places, weights }
     }
 
-    /// Light between pixels.
+    /// What is seen between pixels: as [`Self::pixels`].
     #[inline(always)]
-    pub fn light_at(&self, corners: &Corners) -> [f64; 3] {
+    pub fn seen_at(&self, corners: &Corners) -> [f32; 4] {
         let ([a, b, c, d], [wa, wb, wc, wd]) = (corners.places, corners.weights);
-        let at = |place: u32| &self.light[place as usize];
+        let at = |place: u32| &self.pixels[place as usize];
         let (a, b, c, d) = (at(a), at(b), at(c), at(d));
-        let channel = |k: usize| f64::from(wa * a[k] + wb * b[k] + wc * c[k] + wd * d[k]);
-        [channel(0), channel(1), channel(2)]
-    }
-
-    /// Brightness between pixels; only where `coded`.
-    #[inline(always)]
-    pub fn luma_at(&self, corners: &Corners) -> f64 {
-        let ([a, b, c, d], [wa, wb, wc, wd]) = (corners.places, corners.weights);
-        let at = |place: u32, weight: f32| f64::from(self.luma[place as usize] * weight);
-        at(a, wa) + at(b, wb) + at(c, wc) + at(d, wd)
+        core::array::from_fn(|k| wa * a[k] + wb * b[k] + wc * c[k] + wd * d[k])
     }
 }
 
@@ -333,14 +319,14 @@ fn noise_levels(levels: &[[u8; 3]], width: usize, height: usize) -> f64 {
     0.0
 }
 
-/// Levels (0..1) with the brightness averaged over the blocks that share a colour, and interpolated between them as decoders do with the colour.
+/// Levels (0..1) with the brightness averaged over the blocks that share a colour, and interpolated between them as decoders do with the colour; last the brightness.
 fn at_chroma_resolution(
     levels: &[[u8; 3]],
     luma: &[f32],
     width: usize,
     height: usize,
     (across, down): (usize, usize),
-) -> Vec<[f32; 3]> {
+) -> Vec<[f32; 4]> {
     let (columns, rows) = (width.div_ceil(across), height.div_ceil(down));
     let mut blocks = vec![0.0f32; columns * rows];
     for (row, blocks) in blocks.chunks_exact_mut(columns.max(1)).enumerate() {
@@ -377,7 +363,8 @@ fn at_chroma_resolution(
         let pixels = levels[own.clone()].iter().zip(&luma[own]).zip(&along);
         result.extend(pixels.map(|((pixel, brightness), (left, right, share))| {
             let change = (1.0 - share) * wide[*left] + share * wide[*right] - brightness;
-            pixel.map(|v| (f32::from(v) / 255.0 + change).clamp(0.0, 1.0))
+            let [blue, green, red] = pixel.map(|v| (f32::from(v) / 255.0 + change).clamp(0.0, 1.0));
+            [blue, green, red, *brightness]
         }));
     }
     result

@@ -171,7 +171,8 @@ impl Shading {
     pub fn fit(patch: &Patch, disc: &Disc) -> Self {
         let colour_of = |pixel: &DiscPixel| {
             let light = |v: f32| if patch.coded { light_of(f64::from(v)) } else { f64::from(v) };
-            patch.light[pixel.index].map(light)
+            let [blue, green, red, _] = patch.pixels[pixel.index];
+            [blue, green, red].map(light)
         };
         let clear = || disc.pixels.iter().enumerate().filter(|(_, pixel)| pixel.clear);
         // Of the others only the brightness counts.
@@ -191,7 +192,7 @@ impl Shading {
             1.0 - along * along / (own * power).max(1e-18) <= OTHER_COLOUR_SINE * OTHER_COLOUR_SINE
         };
         let brightness: Vec<f64> = if patch.coded {
-            disc.pixels.iter().map(|pixel| light_of(f64::from(patch.luma[pixel.index]))).collect()
+            disc.pixels.iter().map(|pixel| light_of(f64::from(patch.pixels[pixel.index][3]))).collect()
         } else {
             Vec::new()
         };
