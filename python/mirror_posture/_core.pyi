@@ -504,6 +504,7 @@ def codec_covariances(
     chroma_step_px: tuple[int, int],
     steps: list[list[int]],
     sampling: tuple[int, int],
+    blurs_px: list[float | None],
 ) -> list[list[float] | None]: ...
 def measure_blurred_balls(
     bgr: npt.NDArray[np.uint8], expected_px: list[list[float]], camera: Camera, curve: float

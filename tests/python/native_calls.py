@@ -179,7 +179,7 @@ def calls() -> list[Call]:
         ("pattern_curve", _core.pattern_curve, [np.full((48, 64), 90, np.uint8), np.zeros((48, 64), np.float32), 20.0, 0.1, None], {}),
         ("measure_balls", _core.measure_balls, [picture, np.array([[30.0, 22.0, 10.0], [5.0, 40.0, 6.0]]), np.array([[4.0, 20.0]] * 2), camera, (1, 1), 0.0], {}),
         ("codec_covariances", _core.codec_covariances, [picture, np.array([[30.0, 22.0, 10.0], [5.0, 40.0, 6.0]]), np.array([[4.0, 20.0]] * 2), camera, (2, 2),
-         [[9] * 64, [12] * 64], (2, 2)], {}),
+         [[9] * 64, [12] * 64], (2, 2), [1.2, None]], {}),
         ("chroma_step", _core.chroma_step, [picture], {}),
         ("color_regions", _core.color_regions, [picture, [[0.0, 12.0, 0.5, 0.25], [120.0, 20.0, 0.3, 0.2]], 20, 4], {}),
         ("fit_circle_by_consensus", _core.fit_circle_by_consensus, [circle, 3.0, 30.0, 1.0], {}),

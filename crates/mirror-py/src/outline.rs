@@ -112,12 +112,13 @@ pub fn measure_balls(
     let picture = picture_of(&bgr, chroma_step_px)?.with_curve(curve);
     let starts = starts_of(&circles_px, &radii_px)?;
     let camera = camera.inner.as_ref();
-    let found = at_each(py, &starts, |circle, range| measure_ball(&picture, circle, range, camera))?;
+    let found = at_each(py, &starts, |(circle, range)| measure_ball(&picture, circle, range, camera))?;
     Ok(found.into_iter().map(|ball| ball.map(|inner| PyBallOutline { inner })).collect())
 }
 
 /// What a JPEG's rounding adds to the covariances of balls that were found near circles `(N, 3)`, px²: rows of uu, uv, vv; None where it is not known. `steps`: of
-/// the coefficients of brightness and colour, 64 each, row by row; `sampling`: pixels across and down that share a colour in the file.
+/// the coefficients of brightness and colour, 64 each, row by row; `sampling`: pixels across and down that share a colour in the file; `blurs_px`: the blur of each
+/// ball, standard deviation, where it is known and alike in all directions.
 #[pyfunction]
 pub fn codec_covariances(
     py: Python<'_>,
@@ -128,32 +129,39 @@ pub fn codec_covariances(
     chroma_step_px: (usize, usize),
     steps: [[u16; 64]; 2],
     sampling: (usize, usize),
+    blurs_px: Vec<Option<f64>>,
 ) -> PyResult<Vec<Option<[f64; 3]>>> {
     let picture = picture_of(&bgr, chroma_step_px)?;
     let starts = starts_of(&circles_px, &radii_px)?;
+    if blurs_px.len() != starts.len() {
+        return Err(MirrorPostureError::new_err(format!(
+            "blurs_px: has length {}; needed {}, one for each circle",
+            blurs_px.len(),
+            starts.len()
+        )));
+    }
+    let balls: Vec<_> = starts.into_iter().zip(blurs_px).collect();
     let codec = Codec::new(&steps[0], &steps[1], sampling).ok_or_else(|| {
         MirrorPostureError::new_err(
             "a codec: needed steps of at least 1, and one colour for 1 or 2 pixels each way",
         )
     })?;
     let camera = camera.inner.as_ref();
-    at_each(py, &starts, |circle, range| {
-        codec_covariance(&picture, circle, range, camera, &codec)
+    at_each(py, &balls, |((circle, range), blur_px)| {
+        codec_covariance(&picture, circle, range, camera, &codec, *blur_px)
             .map(|more| [more[(0, 0)], more[(0, 1)], more[(1, 1)]])
     })
 }
 
 /// What is found at each start, on all threads; None from where on Ctrl-C cancels it.
-fn at_each<T: Send>(
+fn at_each<S: Sync, T: Send>(
     py: Python<'_>,
-    starts: &[(Circle, RadiusRange)],
-    find: impl Fn(&Circle, &RadiusRange) -> Option<T> + Sync + Send,
+    starts: &[S],
+    find: impl Fn(&S) -> Option<T> + Sync + Send,
 ) -> PyResult<Vec<Option<T>>> {
     let cancel = Cancel::new();
     py.work_until(&cancel, || {
-        let one = |(circle, range): &(Circle, RadiusRange)| {
-            if cancel.is_cancelled() { None } else { find(circle, range) }
-        };
+        let one = |start: &S| if cancel.is_cancelled() { None } else { find(start) };
         starts.par_iter().map(one).collect()
     })
 }

@@ -109,9 +109,20 @@ def detect_markers(
         widened = 1.0
 
     bent = 0.0 if curve is None else curve.deviations
+    blurs_px: dict[tuple[float, float], float] = {}
 
     def measured(starts: list[Start]) -> list[OutlineFit | None]:
         circles = [start.circle for start in starts]
+        found = measure_balls(
+            without_ghost(without_sharpening(bgr, sharpening_px2, circles), ghost, circles),
+            starts,
+            assumed,
+            chroma_step_px,
+            bent,
+        )
+        for fit in found:
+            if fit is not None and fit.narrow_blur_px == fit.blur_px:
+                blurs_px[float(fit.centroid_px[0]), float(fit.centroid_px[1])] = fit.blur_px
         return [
             None
             if fit is None
@@ -120,13 +131,7 @@ def detect_markers(
                 ghost,
                 chroma_step_px != (1, 1),
             )
-            for fit in measure_balls(
-                without_ghost(without_sharpening(bgr, sharpening_px2, circles), ghost, circles),
-                starts,
-                assumed,
-                chroma_step_px,
-                bent,
-            )
+            for fit in found
         ]
 
     found = measured(starts)
@@ -152,7 +157,7 @@ def detect_markers(
         wanted = [_expected(job) for job in jobs]
         views = with_blurred(bgr, wanted, fits_of, views, assumed, options, coded, ghost, bent)
     if sampled is not None:
-        recoded = with_codec_errors(bgr, by_rays, sampled, assumed, chroma_step_px)
+        recoded = with_codec_errors(bgr, by_rays, sampled, assumed, chroma_step_px, blurs_px)
         views = [new if old is view else view for old, new, view in zip(by_rays, recoded, views, strict=True)]
     if camera is None:
         views = [replace(view, sphere_center_px=None) for view in views]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -34,8 +34,10 @@ def with_codec_errors(
     codec: Codec,
     camera: Camera,
     chroma_step_px: tuple[int, int],
+    blurs_px: Mapping[tuple[float, float], float] | None = None,
 ) -> list[MarkerView]:
-    """Views whose covariance holds the codec's errors too (px²); `chroma_step_px`: pixels that share a colour, as the balls were measured."""
+    """Views whose covariance holds the codec's errors too (px²); `chroma_step_px`: pixels that share a colour, as the balls were measured; `blurs_px`: their blur
+    by their centre, standard deviation, where it is alike in all directions: where it is not known it is looked for."""
     indices = [i for i, view in enumerate(views) if view.ok and view.outline is not None]
     result = list(views)
     if not indices:
@@ -50,6 +52,7 @@ def with_codec_errors(
         chroma_step_px,
         [list(codec.luma_steps), list(codec.chroma_steps)],
         codec.sampling_px,
+        [(blurs_px or {}).get(views[i].pixel_px or (0.0, 0.0)) for i in indices],
     )
     for index, more in zip(indices, added, strict=True):
         covariance = views[index].covariance_px2

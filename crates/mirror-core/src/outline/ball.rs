@@ -2,7 +2,7 @@
 
 use super::blur::Blur;
 use super::circle::Circle;
-use super::cone::{ConeFit, EdgePoint, LeftOut, cone_centroid, fit_cone_from, px_per_rad};
+use super::cone::{ConeFit, EdgePoint, Outline, Scatter, fit_cone_from, px_per_rad};
 use super::consensus::of_one_outline;
 use super::edges::edges_on_rays;
 use super::patch::{Patch, Picture};
@@ -159,6 +159,11 @@ impl Aim {
         Self { rays_per_radius: self.rays_per_radius / SPARSER, ..self }
     }
 
+    /// The same for a known blur (standard deviation, px), alike in all directions.
+    pub fn blurred(self, std_px: f64) -> Self {
+        Self { blur: Blur::round(std_px), ..self }
+    }
+
     /// The ball near this outline, and the aim of the next round.
     pub fn measured(
         &self,
@@ -229,12 +234,14 @@ impl Aim {
             inlier,
             &center,
             camera,
-            correlated,
-            if patch.coded { CODED_SCATTER_SHARE } else { SCATTER_SHARE },
-            &LeftOut {
-                share: if patch.coded || look != Look::Whole { 0.0 } else { LEFT_OUT_SHARE },
-                reach_px: LEFT_OUT_REACH_PX.min(LEFT_OUT_REACH_BLURS * blur.mean_px()),
-            },
+            (look == Look::Whole)
+                .then(|| Scatter {
+                    correlated_points: correlated,
+                    share: if patch.coded { CODED_SCATTER_SHARE } else { SCATTER_SHARE },
+                    left_out_share: if patch.coded { 0.0 } else { LEFT_OUT_SHARE },
+                    left_out_reach_px: LEFT_OUT_REACH_PX.min(LEFT_OUT_REACH_BLURS * blur.mean_px()),
+                })
+                .as_ref(),
         )?;
         let circle = Circle { center_px: cone.centroid_px, radius_px: cone.mean_radius_px };
         let agreeing = cone.inlier.iter().filter(|i| **i).count();
@@ -276,7 +283,7 @@ fn expected_radii(circle: &Circle, camera: &Camera, count: usize) -> Option<Vec<
 pub(super) fn expected_ellipse(circle: &Circle, camera: &Camera) -> Option<(Vector2<f64>, f64)> {
     let axis = camera.unproject(&circle.center_px).ok()?.into_inner();
     let half = circle.radius_px / px_per_rad(camera, &circle.center_px)?;
-    let (_, semi_axes, angle) = ellipse(&cone_centroid(&(axis / half.min(1.2).cos()), camera)?.boundary_px);
+    let (_, semi_axes, angle) = ellipse(&Outline::of(&(axis / half.min(1.2).cos()), camera)?.boundary_px);
     Some((semi_axes, angle))
 }
 

@@ -31,8 +31,9 @@ const LOST_SQUARES: f64 = 3.0;
 const LEAST_SAMPLES: usize = 2;
 
 /// The covariance (px²) that the rounding of a file's codec adds to the centre of a ball that was found at a circle; None where hardly any sample shows the ball.
+/// `blur_px` is the one that the ball showed (standard deviation), where it was the same in all directions.
 ///
-/// `share · Σ (c_i − c)(c_i − c)ᵀ / n`, c the centre in the picture, c_i in each of n recoded ones. One round from the circle tells the blur; from where it ends the
+/// `share · Σ (c_i − c)(c_i − c)ᵀ / n`, c the centre in the picture, c_i in each of n recoded ones. Where the blur is not told, one round from the circle shows it; from there the
 /// picture and the recoded ones are measured alike, in one round each: the samples differ from it by little. The light on the ball is the same in all.
 pub fn codec_covariance(
     picture: &Picture<'_>,
@@ -40,6 +41,7 @@ pub fn codec_covariance(
     range: &RadiusRange,
     camera: &Camera,
     codec: &Codec,
+    blur_px: Option<f64>,
 ) -> Option<Matrix2<f64>> {
     let reach_px = start.radius_px + READ_PX;
     if !(reach_px.is_finite() && start.center_px.iter().all(|v| v.is_finite())) {
@@ -47,11 +49,15 @@ pub fn codec_covariance(
     }
     let place = Place::within(picture, &start.center_px, reach_px)?;
     let patch = Patch::of(place.levels(picture), &place, picture);
-    let (_, aim) = Aim::at(start, picture, camera)?.sparse().measured(&patch, range, camera, Look::Near)?;
+    let aim = Aim::at(start, picture, camera)?.sparse();
+    let aim = match blur_px {
+        Some(std_px) => aim.blurred(std_px),
+        None => aim.measured(&patch, range, camera, Look::Near)?.1,
+    };
     let sight = aim.sight(&patch, Look::Near);
     let shade = BallShade::of(&patch, &sight);
     let center_in = |patch: &Patch| {
-        let (ball, _) = aim.measured_on(&sight, Some(&shade), patch, range, camera, Look::Near)?;
+        let (ball, _) = aim.measured_on(&sight, Some(&shade), patch, range, camera, Look::Centre)?;
         range.holds(&ball).then_some(ball.cone.centroid_px)
     };
     let center_px = center_in(&patch)?;

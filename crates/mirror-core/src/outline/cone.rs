@@ -52,12 +52,16 @@ pub struct EdgePoint {
     pub lit_px: f64,
 }
 
-/// How edges that were left out count in the covariance.
-pub(super) struct LeftOut {
-    /// The share of the square of what they would move the centre by.
+/// How the scatter of edges counts in the covariance, and those that were left out.
+pub(super) struct Scatter {
+    /// Neighbours that share their errors, at least.
+    pub correlated_points: f64,
+    /// The share of the residuals' variance.
     pub share: f64,
+    /// The share of the square of what edges that were left out would move the centre by.
+    pub left_out_share: f64,
     /// Those up to this far from the outline, px.
-    pub reach_px: f64,
+    pub left_out_reach_px: f64,
 }
 
 /// A sphere's outline fitted to edge points.
@@ -100,28 +104,19 @@ pub fn fit_cone(
     let near =
         |p: &EdgePoint| ((p.pixel - start.center_px).norm() - start.radius_px).abs() <= 2.0 * INLIER_PX;
     let inlier = points.iter().map(near).collect();
-    fit_cone_from(
-        points,
-        inlier,
-        &start.center_px,
-        camera,
-        correlated_points,
-        1.0,
-        &LeftOut { share: 0.0, reach_px: 0.0 },
-    )
+    let scatter = Scatter { correlated_points, share: 1.0, left_out_share: 0.0, left_out_reach_px: 0.0 };
+    fit_cone_from(points, inlier, &start.center_px, camera, Some(&scatter))
 }
 
 /// [`fit_cone`] started from the edges that are probably the sphere's; the covariance by their scatter is
-/// `scatter_share` of the residuals', and holds a part of what the edges left out near the outline would move the
-/// centre.
+/// a share of the residuals', and holds a part of what the edges left out near the outline would move the
+/// centre. Without a scatter the covariance is not worked out, nor how far the centre is moved: both are zero.
 pub(super) fn fit_cone_from(
     points: &[EdgePoint],
     mut inlier: Vec<bool>,
     middle_px: &Vector2<f64>,
     camera: &Camera,
-    correlated_points: f64,
-    scatter_share: f64,
-    left_out: &LeftOut,
+    scatter: Option<&Scatter>,
 ) -> Option<ConeFit> {
     let count = points.len();
     if count < MIN_EDGE_POINTS {
@@ -151,11 +146,25 @@ pub(super) fn fit_cone_from(
         return None;
     }
     let rms = (members().map(|i| away[i] * away[i]).sum::<f64>() / number as f64).sqrt();
+    let Some(scatter) = scatter else {
+        let outline = Outline::of(&parameters, camera)?;
+        return Some(ConeFit {
+            centroid_px: outline.centroid_px,
+            centroid_covariance_px2: Matrix2::zeros(),
+            common_moved_px: Vector2::zeros(),
+            sphere_center_px: camera.project(&Point3::from(parameters)).ok()?,
+            mean_radius_px: (outline.area_px2 / core::f64::consts::PI).sqrt(),
+            boundary_px: outline.boundary_px,
+            parameters,
+            inlier,
+            residual_rms_px: rms,
+        });
+    };
     let whitened = without_shear(points, &members().collect::<Vec<_>>(), &away, middle_px);
     let freedom = number.saturating_sub(3).max(1) as f64;
     let correlated = correlation_factor(&whitened);
-    let variance = scatter_share * whitened.iter().map(|r| r * r).sum::<f64>() / freedom
-        * correlated.max(correlated_points);
+    let variance = scatter.share * whitened.iter().map(|r| r * r).sum::<f64>() / freedom
+        * correlated.max(scatter.correlated_points);
     let mut normal = Matrix3::zeros();
     let (mut common, mut lit) = (Vector3::zeros(), Vector3::zeros());
     let away_px = |i: usize| points[i].pixel - middle_px;
@@ -179,9 +188,9 @@ pub(super) fn fit_cone_from(
     let together = shared.information() + common * common.transpose() + lit * lit.transpose();
     let covariance = inverse * variance + inverse * together * inverse;
     let outline = cone_centroid(&parameters, camera)?;
-    let doubt = if left_out.share > 0.0 {
-        by_those_left_out(points, &rays, &away, left_out.reach_px, camera, &outline.centroid_px)
-            * left_out.share
+    let doubt = if scatter.left_out_share > 0.0 {
+        by_those_left_out(points, &rays, &away, scatter.left_out_reach_px, camera, &outline.centroid_px)
+            * scatter.left_out_share
     } else {
         Matrix2::zeros()
     };
@@ -212,7 +221,7 @@ fn by_those_left_out(
 ) -> Matrix2<f64> {
     let near: Vec<bool> = away.iter().map(|d| d.abs() <= reach_px.max(INLIER_PX)).collect();
     let moved = solve(points, rays, &near)
-        .and_then(|parameters| cone_centroid(&parameters, camera))
+        .and_then(|parameters| Outline::of(&parameters, camera))
         .map_or_else(Vector2::zeros, |other| other.centroid_px - centroid_px);
     moved * moved.transpose()
 }
@@ -377,6 +386,43 @@ pub struct ConeOutline {
     pub area_px2: f64,
     /// The outline as a polygon, px.
     pub boundary_px: Vec<Vector2<f64>>,
+}
+
+/// The outline of a cone without its derivatives.
+pub(super) struct Outline {
+    pub centroid_px: Vector2<f64>,
+    pub area_px2: f64,
+    pub boundary_px: Vec<Vector2<f64>>,
+}
+
+impl Outline {
+    /// As [`cone_centroid`].
+    pub fn of(parameters: &Vector3<f64>, camera: &Camera) -> Option<Self> {
+        let length = parameters.norm();
+        if !(length > 1.0) {
+            return None;
+        }
+        let axis = parameters / length;
+        let (side, other) = across(&axis);
+        let (cosine, sine) = (length.recip(), (1.0 - length.powi(-2)).sqrt());
+        let boundary = BOUNDARY_DIRECTIONS
+            .iter()
+            .map(|(s, c)| camera.project(&Point3::from(axis * cosine + (side * *c + other * *s) * sine)).ok())
+            .collect::<Option<Vec<_>>>()?;
+        let middle = boundary.iter().sum::<Vector2<f64>>() / BOUNDARY_POINTS as f64;
+        let (mut area, mut first) = (0.0, Vector2::zeros());
+        for (i, corner) in boundary.iter().enumerate() {
+            let (p, q) = (corner - middle, boundary[(i + 1) % BOUNDARY_POINTS] - middle);
+            let cross = p.perp(&q);
+            area += cross;
+            first += (p + q) * cross;
+        }
+        (area.abs() > 0.0).then(|| Self {
+            centroid_px: middle + first / (3.0 * area),
+            area_px2: 0.5 * area.abs(),
+            boundary_px: boundary,
+        })
+    }
 }
 
 /// The outline of the cone `r · w = 1` in a camera's picture; None where the cone does not lie before the camera.

@@ -89,8 +89,11 @@ pub(super) fn edges_on_rays(
         edge.std = floor.hypot(edge.std);
     }
     let lens_px = if patch.coded { lens_blur_px(&rays, &edges) } else { 0.0 };
-    let shown = blur_of_rays(&edges, blur);
-    let shown = if patch.coded { shown.scaled(CODED_BLUR_SHARE, LEAST_CODED_BLUR_PX) } else { shown };
+    let shown = match look {
+        Look::Centre => *blur,
+        _ if patch.coded => blur_of_rays(&edges, blur).scaled(CODED_BLUR_SHARE, LEAST_CODED_BLUR_PX),
+        _ => blur_of_rays(&edges, blur),
+    };
     // A blur along the outline carries a bent one inward: by σ² / 2r.
     for (ray, edge) in edges.iter_mut().enumerate() {
         let across =
@@ -100,6 +103,8 @@ pub(super) fn edges_on_rays(
     if patch.coded {
         join_brightness(&rays, &mut edges, lens_px);
     }
+    // Only light has a curve, and only then it is read.
+    let by_curve = !patch.coded && look == Look::Whole;
     let points = edges
         .iter()
         .enumerate()
@@ -113,10 +118,14 @@ pub(super) fn edges_on_rays(
             .zip(&sight.blur_px)
             .map(|(e, blur)| if e.clipped { CLIPPED_SHARE * blur } else { 0.0 })
             .collect(),
-        common_px: common_px(&edges),
+        common_px: if by_curve { common_px(&edges) } else { vec![0.0; count] },
         toward_lamp: rays.toward_lamp(),
-        curve_deviations: deviations(edges.iter().filter(|e| e.found).map(|e| e.parted)),
-        overshoot: overshoot(&edges),
+        curve_deviations: if by_curve {
+            deviations(edges.iter().filter(|e| e.found).map(|e| e.parted))
+        } else {
+            None
+        },
+        overshoot: if by_curve { overshoot(&edges) } else { 0.0 },
         std_px: edges.iter().map(|e| e.std).collect(),
         found: edges.iter().map(|e| e.found).collect(),
         blur: shown,
@@ -269,12 +278,14 @@ fn colour_edge(rays: &Rays<'_>, ray: usize, hues: Option<[Hue; 2]>, look: Look, 
             let (near, far) = OVERSHOOT_PX;
             result.overshoot = [mean_of(-far, -near) - 1.0, -mean_of(near, far)];
         }
-        let (moment, _) = rays.integral(edge, window + ZONE_PX, |i| {
-            let t = rays.offsets[i] - result.offset;
-            let beyond = if t > 0.0 { coverage(i) } else { 1.0 - coverage(i) };
-            2.0 * beyond * t.abs()
-        });
-        result.moment = moment;
+        if look != Look::Centre {
+            let (moment, _) = rays.integral(edge, window + ZONE_PX, |i| {
+                let t = rays.offsets[i] - result.offset;
+                let beyond = if t > 0.0 { coverage(i) } else { 1.0 - coverage(i) };
+                2.0 * beyond * t.abs()
+            });
+            result.moment = moment;
+        }
     }
     result
 }

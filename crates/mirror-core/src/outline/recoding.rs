@@ -165,27 +165,24 @@ fn levels_of(
         wide
     }
     // Across first: once for the rows of pixels that share a sample.
-    let along = [blue, red].map(|samples| {
-        let mut rows = [[0.0f32; WIDEST]; BLOCK + 2];
+    // (Loops and no closures: these would be built for any processor.)
+    let mut along = [[[0.0f32; WIDEST]; BLOCK + 2]; 2];
+    for (rows, samples) in along.iter_mut().zip([blue, red]) {
         for (row, samples) in rows.iter_mut().zip(samples) {
             *row = wide(samples, across);
         }
-        rows
-    });
+    }
     let mut decoded = [[[0u8; 3]; WIDEST]; WIDEST];
     for (y, (to, luma)) in decoded.iter_mut().zip(luma).take(BLOCK * down).enumerate() {
         let near = y / down + 1;
         let other = if y % down == 0 { near - 1 } else { near + 1 };
-        let [blue, red] = [0, 1].map(|k| {
-            let rows = &along[k];
-            let mut row = rows[near];
-            if down == 2 {
-                for (value, other) in row.iter_mut().zip(&rows[other]) {
-                    *value = mixed(*value, *other);
-                }
+        let [mut blue, mut red] = [along[0][near], along[1][near]];
+        if down == 2 {
+            for x in 0..WIDEST {
+                blue[x] = mixed(blue[x], along[0][other][x]);
+                red[x] = mixed(red[x], along[1][other][x]);
             }
-            row
-        });
+        }
         // (A float beyond the range of levels becomes the nearest one.)
         let mut levels = [[0u8; WIDEST]; 3];
         for x in 0..WIDEST {

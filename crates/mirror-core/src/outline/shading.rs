@@ -63,6 +63,19 @@ fn basis(x: f64, y: f64, lamp: &Vector3<f64>) -> [f64; TERMS] {
     [1.0, x, y, z, x * y, x * z, y * z, x * x - y * y, 3.0 * z * z - 1.0, facing]
 }
 
+/// The direction of a vector in turns, 0..1, within 1e-5: which ray a pixel is nearest to needs no more (Abramowitz and Stegun, 4.4.47).
+fn turns(away: &Vector2<f64>) -> f64 {
+    let (x, y) = (away.x.abs(), away.y.abs());
+    let ratio = x.min(y) / x.max(y).max(f64::MIN_POSITIVE);
+    let square = ratio * ratio;
+    let series = 0.999_866
+        + square * (-0.330_299_5 + square * (0.180_141 + square * (-0.085_133 + square * 0.020_835_1)));
+    let eighth = ratio * series / core::f64::consts::TAU;
+    let quarter = if y > x { 0.25 - eighth } else { eighth };
+    let half = if away.x < 0.0 { 0.5 - quarter } else { quarter };
+    if away.y < 0.0 { 1.0 - half } else { half }
+}
+
 /// The pixels of a ball's inside, whatever their light: what a fit needs of its outline.
 pub(super) struct Disc {
     pixels: Vec<DiscPixel>,
@@ -93,7 +106,7 @@ impl Disc {
         let least_clear = if patch.coded { luma_clear_px.min(clear_px) } else { clear_px };
         let reach = widest - least_clear;
         let (mut pixels, mut rows) = (Vec::new(), Vec::new());
-        let ([first_u, first_v], tau) = (patch.place(0, 0), core::f64::consts::TAU);
+        let [first_u, first_v] = patch.place(0, 0);
         let near = |first: f64, size: usize, middle: f64| {
             (0..size)
                 .step_by(stride)
@@ -107,9 +120,8 @@ impl Disc {
                 if distance > reach {
                     continue;
                 }
-                let angle = away.y.atan2(away.x);
-                let turn = if angle < 0.0 { angle + tau } else { angle } / tau;
-                let outline = radius_px[(turn * radius_px.len() as f64) as usize % radius_px.len()];
+                let ray = (turns(&away) * radius_px.len() as f64) as u32 as usize;
+                let outline = radius_px[ray.min(radius_px.len() - 1)];
                 if distance <= outline - least_clear {
                     let place = away / outline;
                     rows.push(basis(place.x, place.y, &Vector3::zeros()));

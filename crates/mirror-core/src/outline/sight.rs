@@ -41,6 +41,8 @@ pub(super) enum Look {
     Near,
     /// The ball is to be used.
     Whole,
+    /// Nothing but the centre is used.
+    Centre,
 }
 
 /// Evenly spaced rays from a centre, and places on them around the outline expected on each.
