@@ -59,12 +59,17 @@ def view_at(center: tuple[float, float], radius: float, ok: bool = True) -> Mark
     )  # fmt: skip
 
 
-def added_px2(steps: int, sampling: tuple[int, int], views: list[MarkerView]) -> list[np.ndarray]:
+def added_px2(
+    steps: int,
+    sampling: tuple[int, int],
+    views: list[MarkerView],
+    blurs_px: dict[tuple[float, float], float] | None = None,
+) -> list[np.ndarray]:
     """What a codec of even steps adds to the covariances of views in a picture of two balls."""
     picture = ball_picture([(90.3, 80.6, 11.0), (200.2, 150.9, 11.0)])
     codec = Codec((steps,) * 64, (steps,) * 64, sampling)
     told = with_codec_errors(
-        picture, views, codec, nominal_camera(picture.shape[1], picture.shape[0]), (2, 2)
+        picture, views, codec, nominal_camera(picture.shape[1], picture.shape[0]), (2, 2), blurs_px
     )
     return [np.asarray(view.covariance_px2) - 0.01 * np.eye(2) for view in told]
 
@@ -78,6 +83,14 @@ def test_coarser_steps_add_more_to_a_claim(sampling: tuple[int, int]) -> None:
         # A covariance: symmetrical, and no direction is without.
         assert np.linalg.eigvalsh(more).min() > 0.0
     assert np.sqrt(max(np.trace(more) for more in coarse)) < 1.5
+
+
+def test_a_known_blur_adds_about_what_one_that_is_looked_for_does() -> None:
+    views = [view_at((90.3, 80.6), 11.0), view_at((200.2, 150.9), 11.0)]
+    found = added_px2(30, (2, 2), views)
+    told = added_px2(30, (2, 2), views, {(90.3, 80.6): 1.1, (200.2, 150.9): 1.1})
+    for one, other in zip(found, told, strict=True):
+        assert 0.5 < np.trace(other) / np.trace(one) < 2.0
 
 
 def test_a_claim_stays_where_no_ball_is_found_again_or_none_was() -> None:

@@ -259,13 +259,16 @@ impl Patch {
         Corners { places, weights }
     }
 
-    /// What is seen between pixels: as [`Self::pixels`].
+    /// The light between pixels, and the brightness, which is read only where `coded`.
     #[inline(always)]
-    pub fn seen_at(&self, corners: &Corners) -> [f32; 4] {
+    pub fn seen_at(&self, corners: &Corners) -> ([f64; 3], f64) {
         let ([a, b, c, d], [wa, wb, wc, wd]) = (corners.places, corners.weights);
         let at = |place: u32| &self.pixels[place as usize];
-        let (a, b, c, d) = (at(a), at(b), at(c), at(d));
-        core::array::from_fn(|k| wa * a[k] + wb * b[k] + wc * c[k] + wd * d[k])
+        let share = |pixel: u32, weight: f32| at(pixel).map(|value| value * weight);
+        let (a, b, c, d) = (share(a, wa), share(b, wb), share(c, wc), share(d, wd));
+        let sum: [f32; 4] = core::array::from_fn(|k| a[k] + b[k] + c[k] + d[k]);
+        let [blue, green, red, _] = sum.map(f64::from);
+        ([blue, green, red], [a[3], b[3], c[3], d[3]].map(f64::from).iter().sum())
     }
 }
 

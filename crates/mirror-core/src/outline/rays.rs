@@ -61,7 +61,7 @@ impl<'a> Rays<'a> {
         let mut colours = Vec::with_capacity(count);
         let mut luma = Vec::with_capacity(if patch.coded { count } else { 0 });
         for corners in &sight.corners {
-            let [blue, green, red, brightness] = patch.seen_at(corners).map(f64::from);
+            let ([blue, green, red], brightness) = patch.seen_at(corners);
             colours.push([blue, green, red]);
             if patch.coded {
                 luma.push(brightness);
@@ -189,13 +189,15 @@ static LEFT: LazyLock<Vec<f64>> = LazyLock::new(|| {
     (0..=TABLE_STEPS).map(place).map(|t| ((1.5976 * t + 0.07056 * t * t * t).exp() + 1.0).recip()).collect()
 });
 
-/// That share at a place, within 1e-6: an exponential costs some times as much, and a ball needs some ten thousand.
+/// That share at a place, within 1e-8 by three places of the table: an exponential costs some times as much, and a ball needs some ten thousand.
 #[inline(always)]
 fn below_step(table: &[f64], t: f64) -> f64 {
     let place = (t + TABLE_REACH).clamp(0.0, 2.0 * TABLE_REACH) * (0.5 * TABLE_STEPS as f64 / TABLE_REACH);
     // (Half as long as to 64 bits.)
-    let low = (place as u32 as usize).min(TABLE_STEPS - 1);
-    table[low] + (place - low as f64) * (table[low + 1] - table[low])
+    let low = (place as u32 as usize).min(TABLE_STEPS - 2);
+    let (beyond, near) = (place - low as f64, &table[low..low + 3]);
+    let (first, second) = (near[1] - near[0], near[2] - near[1]);
+    near[0] + beyond * (first + 0.5 * (beyond - 1.0) * (second - first))
 }
 
 /// Mean of colours; zeros for none.
@@ -214,4 +216,19 @@ pub(super) fn mean_and_variance(values: impl Iterator<Item = f64> + Clone) -> (f
     let mean = sum / f64::max(count, 1.0);
     let spread: f64 = values.map(|v| (v - mean).powi(2)).sum();
     (mean, spread / f64::max(count, 1.0))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{LEFT, TABLE_REACH, below_step};
+
+    #[test]
+    fn a_step_by_the_table_is_the_logistic_curve_between_its_places_too() {
+        for i in 0..4001 {
+            let t = TABLE_REACH * (f64::from(i) / 2000.0 - 1.0);
+            let wanted = ((1.5976 * t + 0.07056 * t * t * t).exp() + 1.0).recip();
+            assert!((below_step(&LEFT, t) - wanted).abs() < 1e-8, "{t}");
+        }
+        assert!(below_step(&LEFT, -20.0) > 0.999 && below_step(&LEFT, 20.0) < 1e-3);
+    }
 }
