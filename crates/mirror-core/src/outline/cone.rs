@@ -108,9 +108,7 @@ pub fn fit_cone(
     fit_cone_from(points, inlier, &start.center_px, camera, Some(&scatter))
 }
 
-/// [`fit_cone`] started from the edges that are probably the sphere's; the covariance by their scatter is
-/// a share of the residuals', and holds a part of what the edges left out near the outline would move the
-/// centre. Without a scatter the covariance is not worked out, nor how far the centre is moved: both are zero.
+/// [`fit_cone`] started from the edges that are probably the sphere's. Without a scatter neither the covariance is worked out nor how far the centre is moved: both are zero.
 pub(super) fn fit_cone_from(
     points: &[EdgePoint],
     mut inlier: Vec<bool>,
