@@ -102,6 +102,34 @@ impl Linearised {
         reduced.iter().all(|x| x.is_finite()).then_some(reduced)
     }
 
+    /// The value of one parameter that drives several of the columns together, and its log Bayes factor against none of
+    /// them, with a prior of this standard deviation: `½ G² / (A + 1/s²) − ½ ln(1 + A s²)` with the information A on it and
+    /// its gradient G, all others free within their priors but `held` ones, which stay where they are. None where
+    /// numbers overflow.
+    pub fn together(&self, own: &[usize], held: &[usize], std: f64) -> Option<(f64, f64)> {
+        let (active, h, g) = (&self.active, &self.normal.h, &self.normal.g);
+        let rest: Vec<usize> = (0..active.values.len()).filter(|i| !held.contains(i)).collect();
+        let s = |i: usize| active.prior_std[i];
+        let among = DMatrix::from_fn(rest.len(), rest.len(), |a, b| {
+            let (i, j) = (rest[a], rest[b]);
+            h[(i, j)] * s(i) * s(j) + if a == b { 1.0 } else { 0.0 }
+        });
+        let across = DVector::from_fn(rest.len(), |a, _| {
+            own.iter().map(|&j| h[(rest[a], j)]).sum::<f64>() * s(rest[a])
+        });
+        let pull = DVector::from_fn(rest.len(), |a, _| {
+            let i = rest[a];
+            g[i] * s(i) - active.values[i] / s(i)
+        });
+        let along = among.cholesky()?.solve(&across);
+        let all: f64 = own.iter().flat_map(|&i| own.iter().map(move |&j| h[(i, j)])).sum();
+        let information = (all - across.dot(&along)).max(0.0);
+        let gradient = own.iter().map(|&i| g[i]).sum::<f64>() - pull.dot(&along);
+        let precision = information + (std * std).recip();
+        let log_bayes = 0.5 * gradient * gradient / precision - 0.5 * (1.0 + information * std * std).ln();
+        (log_bayes.is_finite()).then_some((gradient / precision, log_bayes))
+    }
+
     /// Values and variances of the parameters from `first` on at the best of the linear model, under other priors for these; none where
     /// numbers overflow.
     pub fn posterior(&self, first: usize, prior_std: &[f64]) -> Option<(Vec<f64>, Vec<f64>)> {

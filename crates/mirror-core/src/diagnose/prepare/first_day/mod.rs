@@ -41,6 +41,7 @@ mod placed;
 mod reported;
 mod resolutions;
 mod single_cause;
+mod small_delay;
 mod spoilt;
 #[cfg(test)]
 mod tests;
@@ -136,7 +137,18 @@ pub(crate) fn undone(
     }
     out.doubts = choice.doubts;
     // The errors of an unknown joint would look like springs.
-    let explained = memory.explained(&out.mistakes, || single_cause::is_enough(&out.problem))?;
+    let mut explained = memory.explained(&out.mistakes, || single_cause::is_enough(&out.problem))?;
+    let late = |m: &Mistake| matches!(m, Mistake::Late { .. });
+    if !explained
+        && known.is_none()
+        && out.lost.is_none()
+        && !without.iter().any(|w| w == "joint_late")
+        && !out.mistakes.iter().any(late)
+        && let Some((mistake, odds)) = small_delay::find(&out.problem, &out.recording)?
+    {
+        out.undo(&mistake, tempered(odds))?;
+        explained = memory.explained(&out.mistakes, || single_cause::is_enough(&out.problem))?;
+    }
     if out.lost.is_none()
         && !without.iter().any(|w| w == "gravity_direction")
         && let Some((mistake, odds)) =

@@ -43,8 +43,8 @@ fn is_gap(problem: &Problem, left: Noise) -> bool {
 
 /// What is free besides a cause, and where its fit starts.
 pub(super) struct Beside {
-    group: Group,
-    start: Model,
+    pub group: Group,
+    pub start: Model,
 }
 
 impl Beside {
