@@ -15,11 +15,12 @@ use crate::diagnose::model::deformation::Deformation;
 use crate::diagnose::model::elementary::{Atom, Column, Weight};
 use crate::diagnose::model::scene::Scene;
 use crate::diagnose::model::solver::NEGLIGIBLE;
+use crate::diagnose::principles::Grid;
 use crate::robot::JointTerm;
 
 /// Values of the discrete unknown: how a joint comes from one row's posture to the next.
-const DIRECTLY: f64 = 0.0;
-const FROM_AFAR: f64 = 1.0;
+const DIRECTLY: Grid = 0.0;
+const FROM_AFAR: Grid = 1.0;
 
 /// See the module.
 pub(crate) struct Stiction {

@@ -4,6 +4,8 @@ use super::gap_world::{Plan, World, Wrong};
 use crate::diagnose::effects::hypothesis::{Catalogue, Model};
 use crate::diagnose::effects::vocabulary;
 use crate::diagnose::likelihood::fit::FitOptions;
+use crate::diagnose::likelihood::linearised::Linearised;
+use crate::diagnose::model::elementary::{Atom, Column, Weight};
 use crate::diagnose::model::problem::Problem;
 use crate::diagnose::random_effects::geometric_tolerances::Geometry;
 use crate::diagnose::selection::competing::Competing;
@@ -72,4 +74,44 @@ fn a_linear_model_tells_what_a_cause_gains_by_the_scales_that_it_leaves() {
     let moved = linear.model_with(&search, &without.model, (&with_it.scaled.equations, &[0]));
     let (value, std) = (with.model.terms[0].parameters[0], with.stds(0)[0]);
     assert!((moved.terms[0].parameters[0] - value).abs() < std, "{:?} {value} {std}", moved.terms);
+}
+
+#[test]
+fn one_parameter_that_drives_two_columns_together_is_one_column_of_their_sum() {
+    let problem = problem();
+    let none = Catalogue::new(&problem.scene, Vec::new(), &[]);
+    let n = (0..problem.scene.nodes()).find(|&n| problem.scene.relevant[n]).unwrap();
+    let count = problem.scene.frames;
+    let weights = |f: &dyn Fn(f64) -> f64| Weight::Frames((0..count).map(|k| f(k as f64)).collect());
+    let of = |weight: Weight| Column { atom: Atom::Joint(n), weight };
+    let (one, other) = (weights(&|k| (0.7 * k).sin()), weights(&|k| 0.01 * k));
+    let sum = weights(&|k| (0.7 * k).sin() + 0.01 * k);
+    let std = 0.02;
+    let here = |columns: Vec<Column>| {
+        // The mounts are free beside them.
+        let mut group = Geometry::of_setup(&problem, &[]).group;
+        let first = group.columns.len();
+        group.prior_std.extend(vec![std; columns.len()]);
+        group.columns.extend(columns);
+        let start = Model { group: vec![0.0; group.columns.len()], ..Model::nominal(&problem) };
+        let options = FitOptions { noise: problem.noise, steps: 0 };
+        let here = Linearised::at(&problem, &none, &group, &start, options, None).unwrap();
+        let first = here.first_group() + first;
+        (here, first)
+    };
+    let (two, first) = here(vec![of(one), of(other)]);
+    let (value, log_bayes) = two.together(&[first, first + 1], &[first, first + 1], std).unwrap();
+    let (single, at) = here(vec![of(sum)]);
+    let (its, its_log_bayes) = single.together(&[at], &[at], std).unwrap();
+    assert!((value - its).abs() < 1e-9 * its.abs().max(std), "{value} {its}");
+    assert!((log_bayes - its_log_bayes).abs() < 1e-6 * its_log_bayes.abs().max(1.0));
+    // And by the evidence of the whole model, with the parameter and with almost none of it.
+    let [with, without] = [1.0, 1e-9].map(|scale| single.log_evidence(at..at + 1, scale).unwrap());
+    assert!(
+        (with - without - its_log_bayes).abs() < 1e-3 * its_log_bayes.abs().max(1.0),
+        "{with} {without} {its_log_bayes}"
+    );
+    // A column that is held is not moved by what is told.
+    let (alone, ..) = two.together(&[first], &[first, first + 1], std).unwrap();
+    assert!(alone.is_finite() && (alone - value).abs() > 1e-6);
 }
