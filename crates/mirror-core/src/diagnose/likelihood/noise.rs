@@ -6,11 +6,11 @@ use crate::diagnose::likelihood::saturated::free_markers;
 use crate::diagnose::model::camera_and_mirror::FootPoints;
 use crate::diagnose::model::deformation::Deformation;
 use crate::diagnose::model::false_corners::{extent, homography_rows};
-use crate::diagnose::model::frame::{FrameWork, Task};
+use crate::diagnose::model::frame::{FrameWork, PROJECTED, Task};
 use crate::diagnose::model::problem::{Noise, Problem};
 use crate::diagnose::model::robust::OUTLIER_FRACTION;
 use crate::diagnose::model::solver::{NEGLIGIBLE, SOLVER};
-use crate::diagnose::principles::{FEWEST_REDUNDANT_ROWS, Guard, NEARLY_ALL, Prior};
+use crate::diagnose::principles::{FAR_DEVIATIONS, FEWEST_REDUNDANT_ROWS, Guard, NEARLY_ALL, Prior};
 use crate::error::Result;
 use nalgebra::{SMatrix, SVector, Vector2};
 use rayon::prelude::*;
@@ -157,12 +157,12 @@ pub(crate) fn effective_from(
     let eye = problem.eye(deformation)?;
     let planes = planes.map(Vec::as_slice);
     let task = Task { planes, ..Task::of_markers(problem, deformation, eye.as_ref(), noise) };
-    let parts: Vec<(Vec<f64>, Vec<f64>)> = chunks(problem.frames.len())
+    let parts: Vec<(Vec<f64>, Vec<f64>, Vec<f64>)> = chunks(problem.frames.len())
         .into_par_iter()
         .map_init(
             || FrameWork::new(problem),
             |work, frames| {
-                let (mut pixels, mut points) = (Vec::new(), Vec::new());
+                let (mut pixels, mut points, mut boards) = (Vec::new(), Vec::new(), Vec::new());
                 for frame in frames.filter(|&f| counts(mask, f)) {
                     if work.evaluate(problem, &task, frame) {
                         work.raw_residuals(|_, measured, r| {
@@ -172,19 +172,27 @@ pub(crate) fn effective_from(
                                 pixels.push(r.norm_squared())
                             }
                         });
+                        let (square, corners) = work.board_square;
+                        if 2 * corners > PROJECTED {
+                            boards.push(square / (2 * corners - PROJECTED) as f64);
+                        }
                     }
                 }
-                (pixels, points)
+                (pixels, points, boards)
             },
         )
         .collect();
-    let (mut pixels, mut points): (Vec<f64>, Vec<f64>) = (Vec::new(), Vec::new());
-    for (a, b) in parts {
+    let (mut pixels, mut points, mut boards): (Vec<f64>, Vec<f64>, Vec<f64>) =
+        (Vec::new(), Vec::new(), Vec::new());
+    for (a, b, c) in parts {
         pixels.extend(a);
         points.extend(b);
+        boards.extend(c);
     }
+    // Corners that all lie this far away have no weight at all: they would not tell where they belong.
+    let of_corners = trimmed_std(&mut boards, 1.0).filter(|scale| *scale > FAR_DEVIATIONS).unwrap_or(1.0);
     Ok(Noise {
-        corner_px: noise.corner_px,
+        corner_px: of_corners * noise.corner_px,
         marker_px: trimmed_std(&mut pixels, 2.0).map_or(noise.marker_px, |s| s.max(noise.marker_px)),
         point_m: trimmed_std(&mut points, 3.0).map_or(noise.point_m, |s| s.max(noise.point_m)),
     })

@@ -56,6 +56,8 @@ pub(crate) struct FrameWork {
     board_gradient: Vector3<f64>,
     /// Whitened χ² of the board above that at its own best plane.
     pub board_excess: f64,
+    /// Whitened χ² of the board at the plane, and of how many corners.
+    pub board_square: (f64, usize),
     /// How the board's displaced mount moves it in the world; none where the mount is as modelled.
     board_moved: Option<Pose>,
     /// How the board has slipped on its mount.
@@ -150,6 +152,7 @@ impl FrameWork {
             row_count: 0,
             board_gradient: Vector3::zeros(),
             board_excess: 0.0,
+            board_square: (0.0, 0),
             root: Pose::identity(),
             unknown: None,
             board_moved: None,
@@ -298,6 +301,7 @@ impl FrameWork {
         self.cost = 0.0;
         self.board_gradient = Vector3::zeros();
         self.board_excess = 0.0;
+        self.board_square = (0.0, 0);
         let mut g = Matrix3::zeros();
         if let Some(fit) = &board {
             if task.with_board {
@@ -310,7 +314,8 @@ impl FrameWork {
                 let away = self.foot - fit.foot;
                 self.board_gradient = -(g * away);
                 self.board_excess = away.dot(&(g * away));
-                self.cost += fit.chi2_px2 / corner_variance + self.board_excess;
+                self.board_square = (fit.chi2_px2 / corner_variance + self.board_excess, fit.corners);
+                self.cost += self.board_square.0;
             }
         }
         // No mirror shows this board: all that was seen in it is as wrong as a false observation.
@@ -395,9 +400,13 @@ impl FrameWork {
 
     /// The board's corners at the present plane: as products where these are all that is read, or as rows.
     fn observe_corners(&mut self, problem: &Problem, task: &Task<'_>, data: &FrameData) -> BoardSums {
-        if let Some(sums) = self.observe_many(problem, task, data) {
-            return sums;
-        }
+        let many = self.observe_many(problem, task, data);
+        let sums = many.unwrap_or_else(|| self.observe_each_corner(problem, task, data));
+        self.board_square = (sums.square, sums.corners);
+        sums
+    }
+
+    fn observe_each_corner(&mut self, problem: &Problem, task: &Task<'_>, data: &FrameData) -> BoardSums {
         self.observe_board(problem, task, data);
         let corner_px = task.noise.corner_px;
         let rows = || self.rows.iter();
