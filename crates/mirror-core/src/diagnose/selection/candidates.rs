@@ -233,6 +233,11 @@ impl Search<'_> {
         chosen
     }
 
+    /// Whether the score test at a model ranks any hypothesis so high.
+    pub(super) fn could_add(&self, model: &Model, noise: Noise) -> Result<bool> {
+        Ok(self.might_add(&self.ranked(&self.sums_at(model, noise)?, &[])))
+    }
+
     /// Whether the score test ranks any hypothesis so high that it might be added once it is fitted.
     pub(super) fn might_add(&self, ranked: &Ranked) -> bool {
         let best = self.most_promising(&ranked.screening.scores, 1, None);

@@ -79,8 +79,9 @@ impl<'a> LinearSearch<'a> {
         let (problem, catalogue) = (&search.problem, search.catalogue);
         let (group, model): (_, Model) = search.loosened(model, None);
         let active = Active::of(problem, catalogue, &group, &model);
-        // Only named causes crowd a place, and of these none that is one of the small errors.
-        let crowds = |h: usize| !catalogue.is_free(h) && !geometry.is_some_and(|g| g.holds(catalogue, h));
+        // Only named causes crowd a place, and of these no zero of a joint where all are off by hand.
+        let by_hand = |h: usize| geometry.is_some_and(|g| g.setup_only && g.holds(catalogue, h));
+        let crowds = |h: usize| !catalogue.is_free(h) && !by_hand(h);
         let node = |h: usize| catalogue.hypotheses[h].place.node().filter(|_| crowds(h));
         let stays = |h: usize| catalogue.is_free(h) && !competing.free_forms;
         let of = |(hypothesis, variant): (usize, f64), columns: Range<usize>| Candidate {

@@ -152,6 +152,8 @@ pub(crate) fn with_setup<'a>(
             next.fit.model.terms.push(term);
             next.fit = setup.fit(&search.problem, search.catalogue, &next.fit.model, options, search.mask)?;
             search.group = setup.group.clone();
+            // It may be what the search had no work left for.
+            next.cut_off = next.cut_off && search.could_add(&next.fit.model, next.noise)?;
             again = true;
         }
         start = next.fit.model.clone();
