@@ -15,6 +15,8 @@ import pytest
 from fresh_looks import COLUMNS, ROWS, SQUARE_M, Look
 from fresh_scene import views
 from mirror_posture.detect import detect_session
+from mirror_posture.diagnosis import diagnose
+from mirror_posture.diagnosis.next_step import next_step
 from mirror_posture.session import write_detections
 from wrong_pictures import said
 
@@ -96,3 +98,56 @@ def test_each_is_named_and_none_is_measured(name: str, drawn: Path, tmp_path: Pa
         write_detections(found, folder / "detections.csv")
         code, heard = said("measure", folder)
         assert code != 0 and words in heard
+
+
+def _halved(drawn: Path, folder: Path, names: tuple[str, ...] = ("0", "1")) -> Path:
+    shutil.copytree(drawn, folder)
+    for name in names:
+        file = folder / f"{name}.png"
+        cv2.imwrite(str(file), cv2.resize(cv2.imread(str(file)), (240, 180), interpolation=cv2.INTER_AREA))
+    return folder
+
+
+SIZES = "240 × 180 px, but the camera file is for 480 × 360 px"
+FIX = "give the camera file of this resolution"
+
+
+@pytest.mark.parametrize("command", ["detect", "diagnose", "measure"])
+def test_pictures_that_all_have_another_size_are_one_error(command: str, drawn: Path, tmp_path: Path) -> None:
+    folder = _halved(drawn, tmp_path / "session")
+    code, heard = said(command, folder)
+    assert code == 1, heard
+    assert heard.count(SIZES) == 1 and FIX in heard and "none of the 2 pictures" in heard
+    # No empty table that a later command would take for what was found.
+    assert not (folder / "detections.csv").exists()
+
+
+def test_some_pictures_of_another_size_are_one_warning(drawn: Path, tmp_path: Path) -> None:
+    folder = _halved(drawn, tmp_path / "session", ("1",))
+    for number in (2, 3):
+        shutil.copy(folder / "1.png", folder / f"{number}.png")
+    table = folder / "frames.csv"
+    table.write_text(table.read_text() + "2,0,2,0,2.png\n3,0,3,0,3.png\n")
+    code, heard = said("detect", folder, "--no-overlays")
+    assert code == 0, heard
+    assert (
+        heard.count(SIZES) == 1
+        and "3 of 4 pictures cannot be used (frames 1, 2, 3)" in heard
+        and FIX in heard
+    )
+
+
+def test_too_little_evidence_says_that_the_pictures_have_another_size(drawn: Path, tmp_path: Path) -> None:
+    folder = _halved(drawn, tmp_path / "session")
+    (folder / "detections.csv").write_text("frame,target,index,u,v,via,std_px\n")
+    found = diagnose(folder)
+    assert found.verdict == "insufficient"
+    assert SIZES in found.sentence and FIX in found.sentence and "2 of 2 pictures" in found.sentence
+    assert "camera file" in next_step(found)
+    code, heard = said("measure", folder)
+    assert code != 0 and SIZES in heard
+    # Pictures of the right size in which nothing was found are another matter.
+    for name in ("0", "1"):
+        shutil.copy(drawn / f"{name}.png", folder / f"{name}.png")
+    found = diagnose(folder)
+    assert "camera file" not in found.sentence and next_step(found).startswith("Record more")

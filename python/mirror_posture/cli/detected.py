@@ -16,6 +16,7 @@ def load_detected(output: Output, folder: Path, *, points_suffice: bool = False)
 
     `points_suffice`: measured points (`points.csv`) are sufficient; pictures beside them are not processed.
     """
+    from ..detect.refused import not_detected, told_refusals
     from ..session import load_session
 
     loaded = load_session(folder)
@@ -23,12 +24,13 @@ def load_detected(output: Output, folder: Path, *, points_suffice: bool = False)
         output.warn(warning)
     enough = loaded.detected or (points_suffice and loaded.points is not None)
     if enough or not any(loaded.image_files):
+        if loaded.points is None and (line := not_detected(loaded)):
+            output.warn(line)
         return loaded
     from ..detect import detect_session
 
     output.say("no detections yet: looking for the board and the balls in the pictures first")
     found = detect_session(loaded, progress=lambda chunks: output.chunks(chunks, "detecting"))
-    for row, picture in sorted(found.pictures.items()):
-        if picture.error:
-            output.warn(f"frame {loaded.frames.frame[row]}: {picture.error}")
+    for line in told_refusals(loaded, found.pictures):
+        output.warn(line)
     return found.session

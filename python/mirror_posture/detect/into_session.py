@@ -13,6 +13,7 @@ from ..session.load import as_session
 from ..session.types import Session, Views
 from ..view_check import check_views
 from .pictures import DetectionOptions, PicturePrediction, detect_pictures
+from .refused import refuse_all
 from .types import BoardPrediction, DetectionError, DetectionSetup, PictureDetections
 
 CHUNK = 16
@@ -73,7 +74,8 @@ def detect_session(
     wraps the chunks of rows as they are processed; `done` is filled as pictures are finished, so that a
     stop loses none of them.
 
-    Raises `DetectionError` for a session without pictures, or with a marker that has no colour, and, unless
+    Raises `DetectionError` for a session without pictures, or with a marker that has no colour, where all pictures are
+    refused for the same reason (their size, as a rule: one line says it with the fix), and, unless
     `check` is False, for pictures that are mirrored, rotated, of another board or of another camera
     (`mirror_posture.view_check`).
     """
@@ -89,6 +91,7 @@ def detect_session(
         files = [file for row in chunk if (file := session.image_files[row]) is not None]
         found = detect_pictures(files, setup, [predictions[row] for row in chunk], options)
         pictures.update(zip(chunk, found, strict=True))
+    refuse_all(session, pictures)
     detected = with_detections(session, pictures)
     checked = check_views(detected) if check else None
     if checked is not None and checked.mistake:

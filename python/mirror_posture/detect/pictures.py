@@ -31,6 +31,7 @@ from .marker_judge import MarkerOptions
 from .markers import COARSE_COLOUR_STEP, detect_markers
 from .pose import board_pose
 from .reading import PictureFile, as_picture, read_picture_file
+from .refused import size_mistake
 from .sharpening import ghost_and_sharpening
 from .types import (
     BoardPrediction,
@@ -188,25 +189,9 @@ def detect_pictures(
 
 def _check_size(width: int, height: int, camera: Camera | None, source: str, exif_turn: str = "") -> None:
     """Refuses a picture of another size than its camera's, and says what the size suggests."""
-    if camera is None or (camera.width_px, camera.height_px) == (width, height):
-        return
-    across, down = width / camera.width_px, height / camera.height_px
-    if (height, width) == (camera.width_px, camera.height_px):
-        tagged = f" (its EXIF tag says: shown {exif_turn})" if exif_turn else ""
-        guess = (
-            f"turned by 90°{tagged}; turn the pictures back, or give the camera file of the turned picture"
-        )
-    elif abs(across - down) < 0.01 * across:
-        guess = f"{across:.3g} times as large: resized, or taken at another resolution; give the camera file of this resolution"
-    elif across <= 1.0 and down <= 1.0:
-        guess = "cropped, or another camera's; give whole pictures, or the camera file of the cropped ones"
-    else:
-        guess = (
-            "another camera's or another resolution's; give the camera file of this camera at this resolution"
-        )
-    raise DetectionError(
-        f"{source}: is {width} × {height} px, but the camera file is for {camera.width_px} × {camera.height_px} px; it is {guess}"
-    )
+    mistake = size_mistake(width, height, camera, exif_turn)
+    if mistake:
+        raise DetectionError(f"{source}: {mistake}")
 
 
 def _boards(

@@ -51,6 +51,8 @@ def unit_of(name: str, slides: bool) -> tuple[str, float]:
     return "", 1.0
 
 
+REFUSED = "The pictures do not fit the camera file: "
+"""Begins what is said of pictures without image points, where there is too little evidence and their size says why."""
 TINY = 0.01
 """Below this, values are printed in units of 10⁻³."""
 SIZES = ("width", "spread", "deadband", "thickness", "friction", "compliance", "growth")

@@ -6,6 +6,7 @@ from collections import Counter
 
 from .formatting import (
     BY_HAND,
+    REFUSED,
     dependence,
     effect_in_words,
     listed,
@@ -47,6 +48,8 @@ def next_step(found: Diagnosis) -> str:
                 "nothing to mend: the model predicts as well as the measurement's noise allows."
             )
         return "Nothing to mend: the model predicts as well as the measurement's noise allows."
+    if verdict == "insufficient" and REFUSED in found.sentence:
+        return "Give the camera file that fits the pictures, and run `mirror-posture detect` with --overwrite; then diagnose again."
     if verdict == "insufficient":
         return "Record more: postures in which the board and the markers are seen together; `mirror-posture check` tells what is missing."
     if found.document.get("motion", {}).get("next_moves") and any(c.alternatives for c in found.causes):

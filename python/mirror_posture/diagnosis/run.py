@@ -10,11 +10,13 @@ from threading import Event, Thread
 
 from .._core import DiagnosisProgress, GapRecording, MirrorPostureError
 from ..arguments import checked_arguments
+from ..detect.refused import not_detected
 from ..error_pickling import PickledWhole
 from ..session import Session, as_session
 from ..view_check import refuse_unnamed_mistakes
 from .encoders import encoder_witness
 from .fingerprint import KEY, fingerprint
+from .formatting import REFUSED
 from .markers import marker_of_place, only_markers
 from .own_effects import OwnEffect, Tabulated, tabulate
 from .recording import to_core
@@ -111,6 +113,8 @@ def diagnose(
         so_far = json.loads(watch.so_far(recording)) | {KEY: fingerprint(loaded)}
         raise DiagnosisInterrupted(Diagnosis.from_document(so_far)) from None
     tree[KEY] = fingerprint(loaded)
+    if tree["verdict"] == "insufficient" and (refused := not_detected(loaded)):
+        tree["sentence"] = f"{tree['sentence']} {REFUSED}{refused}."
     if prismatic := [joint.name for joint in loaded.robot.joints if joint.kind == "prismatic"]:
         tree["prismatic_joints"] = prismatic
     if names:

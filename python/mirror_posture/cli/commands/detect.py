@@ -43,7 +43,8 @@ def command(
 
     Writes detections.csv (image points), detections.json (residuals, and the reason for each refusal) and
     overlays/. A view whose residual is too large, a ball that is mostly hidden and a picture that cannot be
-    read are left out with their reason: look at the overlays if something is missing.
+    read are left out with their reason: look at the overlays if something is missing. Where all pictures are refused
+    for the same reason (another size than the camera file's, for example) that is an error and nothing is written.
 
     Example: `mirror-posture detect my-session`
 
@@ -59,6 +60,7 @@ def command(
         with_detections,
         write_overlay,
     )
+    from ...detect.refused import reason_of, told_refusals
     from ...output_files import new_folder
     from ...session import SessionError, load_session, write_detections, write_session
     from ...session.tables import find_table
@@ -112,7 +114,7 @@ def command(
             (frame, Path(picture.source).name, "yes" if board else "no", residual, str(len(good)), missing)
         )
         if picture.error:
-            refused.append((frame, "picture", picture.error))
+            refused.append((frame, "picture", reason_of(picture)))
         refused += [(frame, "board", view.reason) for view in picture.boards if not view.ok]
         refused += [(frame, view.name, view.reason) for view in picture.markers if not view.ok]
         for text in picture.warnings:
@@ -122,8 +124,10 @@ def command(
         ("frame", "*picture", "*board", "residual px", "balls", "~not found"),
         rows,
     )
-    for (what, reason), frames in _grouped(refused).items():
+    for (what, reason), frames in _grouped([one for one in refused if one[1] != "picture"]).items():
         output.say(f"{what}: {reason} (frames {', '.join(frames)})", style="dim")
+    for line in told_refusals(loaded, found.pictures):
+        output.warn(line)
     boards = sum(row[2] == "yes" for row in rows)
     output.say(
         f"{boards} of {len(rows)} boards, {sum(int(row[4]) for row in rows)} balls: {target}/detections.csv"
@@ -140,9 +144,7 @@ def command(
         }
     )
     if boards == 0:
-        # Pictures that cannot be used at all (of another size, broken) say why.
-        why = next((reason for _, what, reason in refused if what == "picture"), "")
-        output.warn(f"no board was found in any picture: nothing can be measured{f'; {why}' if why else ''}")
+        output.warn("no board was found in any picture: nothing can be measured")
         raise typer.Exit(ExitCode.NOTHING)
 
 
