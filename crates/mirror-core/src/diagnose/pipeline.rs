@@ -39,6 +39,7 @@ use crate::diagnose::selection::near_ties::from_near_ties;
 use crate::diagnose::selection::pairwise_start::from_a_pair;
 use crate::diagnose::selection::scattered_joints::{Start, beside_scatter};
 use crate::diagnose::selection::search::{Search, SearchOptions};
+use crate::diagnose::selection::small_errors_instead::small_errors_instead;
 use crate::diagnose::selection::transmission_errors::with_transmission_errors;
 use crate::diagnose::selection::with_setup::{look_again_at_noise, with_or_without_setup};
 use crate::error::Result;
@@ -157,6 +158,9 @@ pub(crate) fn diagnose(
         }
     };
 
+    if prepared.had_small_errors {
+        small_errors_instead((&mut search, &mut found), &mut extended, &nominal)?;
+    }
     let says_nothing = extended.erratic.is_some_and(|node| column_says_nothing(&search, &found, node));
     on_all_frames(&mut search, &mut found)?;
     with_transmission_errors((&mut search, &mut found), &mut extended)?;

@@ -60,7 +60,7 @@ def command(
         with_detections,
         write_overlay,
     )
-    from ...detect.refused import reason_of, told_refusals
+    from ...detect.refused import told_refusals
     from ...output_files import new_folder
     from ...session import SessionError, load_session, write_detections, write_session
     from ...session.tables import find_table
@@ -114,7 +114,7 @@ def command(
             (frame, Path(picture.source).name, "yes" if board else "no", residual, str(len(good)), missing)
         )
         if picture.error:
-            refused.append((frame, "picture", reason_of(picture)))
+            refused.append((frame, "picture", picture.error))
         refused += [(frame, "board", view.reason) for view in picture.boards if not view.ok]
         refused += [(frame, view.name, view.reason) for view in picture.markers if not view.ok]
         for text in picture.warnings:

@@ -24,6 +24,8 @@ pub(crate) struct Prepared {
     pub stated: Noise,
     pub slip: Option<Slip>,
     pub left_out: Vec<LeftOut>,
+    /// Whether an earlier diagnosis named small errors everywhere, so that they are tried in place of all causes.
+    pub had_small_errors: bool,
     undone: Option<Undone>,
 }
 
@@ -82,7 +84,7 @@ impl Prepared {
         if slip.is_some() {
             problem.noise = noise::estimate(&problem, &nominal, stated)?;
         }
-        Ok(Self { given, arranged, problem, stated, slip, left_out, undone })
+        Ok(Self { given, arranged, problem, stated, slip, left_out, had_small_errors: false, undone })
     }
 
     /// The robot with its mistakes undone.

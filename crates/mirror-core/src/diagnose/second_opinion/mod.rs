@@ -9,7 +9,7 @@
 //! | --- | --- | --- |
 //! | a column is not used, or a joint has another zero from a row on: neither is a named cause | assumes neither | explains everything, without a mistake of a column, or slips in place of the zero. It may give reason for doubt itself |
 //! | a ratio is named twice at one joint, or does not differ from the model's; a picture of another size together with a focal length that cancels it; a slip by fewer than twelve deviations; slipped rows that fit their own postures once the causes are known | leaves out that mistake | explains everything, or leaves no larger gap |
-//! | gravity is named as turned, and something is unexplained, or no cause depends on a load | leaves out that | explains everything, or leaves no larger gap |
+//! | gravity is named as turned, and something is unexplained, or no cause of its own depends on a load and moves a part of the gap | leaves out that; small errors everywhere, if they were named, are tried in place of all causes | explains everything, or leaves no larger gap |
 //! | several markers are named on other links | leaves out that | explains everything, and leaves no larger gap, or one by less than held-out regions show |
 //! | a joint's error is independent in each posture, together with a mistake of its column, a marker on another link, or slipped rows | leaves out all such mistakes | leaves less than twice as much. It is always accepted if these errors are more than half of what the column moves: the column is unrelated to the joint |
 //! | a mistake of a column leaves more than half of the gap | leaves out the same | finds that joint's error independent in each posture, and leaves less than twice as much |
@@ -103,7 +103,8 @@ fn accepted(
         let known = FirstResult { sought: reason.seeks(), ..found.known.clone() };
         let mut still = options.clone();
         still.without.extend(reason.without().iter().map(|effect| (*effect).to_owned()));
-        let again = prepared(&still, reason.looks_closely().then_some(&known), spoilt)?;
+        let mut again = prepared(&still, reason.looks_closely().then_some(&known), spoilt)?;
+        again.had_small_errors = reason.keeps_small_errors(&found.diagnosis);
         // If the same mistakes are undone, the result is the same.
         let without_word = again.lost().is_some() || again.step().is_some();
         if reason.without().is_empty() && !without_word && same_mistakes(again.mistakes(), &mistakes) {

@@ -13,7 +13,7 @@ pub(super) const SLIP: &str = "slip";
 pub(super) const FIRST_FRAME: &str = "first_frame";
 const PAIRING: &str = "pairing";
 const GRAVITY: &str = "gravity_direction";
-/// Small errors everywhere, springs among them.
+/// Small errors everywhere.
 const GROUP: &str = "geometry";
 /// A camera's picture of another size, and the effect that appears if there is none: a crop is an offset of the
 /// centre alone.
@@ -48,7 +48,7 @@ pub(super) enum Reason {
     Weak,
     /// A picture of another size is named, together with a focal length that cancels it.
     Resized,
-    /// Gravity is named as turned, and something is unexplained, or nothing yields to a load.
+    /// Gravity is named as turned, and something is unexplained, or nothing named by itself yields to a load.
     Gravity,
     /// Several markers are named on other links: their names may be exchanged.
     SeveralOnOtherLinks,
@@ -85,7 +85,7 @@ impl Reason {
         if is_told_twice(&first.causes) || is_of_no_size(&first.causes) {
             return Some(Self::Twice);
         }
-        if is_turned_in_vain(&first.causes, first.verdict) {
+        if is_turned_in_vain(&first.causes, first.verdict, before(first).unwrap_or(0.0)) {
             return Some(Self::Gravity);
         }
         if is_lawless(first) {
@@ -129,6 +129,12 @@ impl Reason {
     /// Whether gross mistakes that are as small as usual errors are searched for.
     pub fn looks_closely(self) -> bool {
         matches!(self, Self::Pairing | Self::Unexplained | Self::FalseTogether | Self::TooLarge)
+    }
+
+    /// Whether small errors everywhere, which the first diagnosis names, are tried in the second in place of all that
+    /// it finds: they explain the same without the turned gravity, and what takes their place may be pieces of one law.
+    pub fn keeps_small_errors(self, first: &Diagnosis) -> bool {
+        self == Self::Gravity && first.causes.iter().any(|c| c.effect == GROUP)
     }
 
     /// Whether the second diagnosis replaces the first.
@@ -242,16 +248,18 @@ fn is_lawless(first: &Diagnosis) -> bool {
 
 /// Whether a mistake of a column is named and more than half of the gap is left.
 fn is_weak(first: &Diagnosis, mistakes: &[Cause]) -> bool {
-    let before = first.gap.before_px.or(first.gap.before_m).unwrap_or(f64::INFINITY);
+    let before = before(first).unwrap_or(f64::INFINITY);
     !explains(first) && mistakes.iter().any(is_of_a_column) && left(first) > MAJORITY * before
 }
 
 /// Whether gravity is named as turned although something is unexplained (where many small things are wrong, one spring
-/// with a turned gravity may be the best single cause of all), or although nothing yields to a load: then its direction
-/// changes no prediction.
-pub(super) fn is_turned_in_vain(causes: &[Cause], verdict: Verdict) -> bool {
+/// with a turned gravity may be the best single cause of all), or although nothing that is named by itself yields to a
+/// load and moves more than a trace of the gap. The springs among small errors everywhere are no evidence: a group
+/// absorbs what the turned gravity costs, as it does under the stated one.
+pub(super) fn is_turned_in_vain(causes: &[Cause], verdict: Verdict, before: f64) -> bool {
     let yields = |c: &Cause| {
-        c.effect == GROUP || vocabulary().iter().any(|e| e.name() == c.effect && e.depends_on_load())
+        vocabulary().iter().any(|e| e.name() == c.effect && e.depends_on_load())
+            && c.rms_shift >= (1.0 - LEAST_HELD_OUT_RATIO) * before
     };
     causes.iter().any(|c| c.effect == GRAVITY) && (leaves_something(verdict) || !causes.iter().any(yields))
 }
@@ -290,6 +298,11 @@ fn leaves_something(verdict: Verdict) -> bool {
 pub(super) fn takes_most(left_by_second: f64, first: &Diagnosis) -> bool {
     let floor = first.gap.noise_floor_px.or(first.gap.noise_floor_m).unwrap_or(0.0);
     left_by_second.powi(2) - floor.powi(2) <= MAJORITY * (left(first).powi(2) - floor.powi(2))
+}
+
+/// The nominal model's gap, in the unit of the observations.
+fn before(diagnosis: &Diagnosis) -> Option<f64> {
+    diagnosis.gap.before_px.or(diagnosis.gap.before_m)
 }
 
 /// The held-out gap, in the unit of the observations.

@@ -29,6 +29,7 @@ mod scored_model;
 pub(super) mod search;
 pub(super) mod simplify;
 mod slipped_mounts;
+pub(super) mod small_errors_instead;
 pub(super) mod standing;
 mod tolerance_rounds;
 pub(super) mod transmission_errors;
