@@ -393,9 +393,19 @@ pub(super) struct Outline {
     pub boundary_px: Vec<Vector2<f64>>,
 }
 
-impl Outline {
-    /// As [`cone_centroid`].
-    pub fn of(parameters: &Vector3<f64>, camera: &Camera) -> Option<Self> {
+/// The cone `r · w = 1`: `w` by length and direction, two directions across it, and its half angle.
+struct Cone {
+    length: f64,
+    axis: Vector3<f64>,
+    side: Vector3<f64>,
+    other: Vector3<f64>,
+    cosine: f64,
+    sine: f64,
+}
+
+impl Cone {
+    /// None where `w` is no cone's.
+    fn of(parameters: &Vector3<f64>) -> Option<Self> {
         let length = parameters.norm();
         if !(length > 1.0) {
             return None;
@@ -403,9 +413,23 @@ impl Outline {
         let axis = parameters / length;
         let (side, other) = across(&axis);
         let (cosine, sine) = (length.recip(), (1.0 - length.powi(-2)).sqrt());
+        Some(Self { length, axis, side, other, cosine, sine })
+    }
+
+    /// Where a ray of the cone leaves its axis, by the sine and cosine of its place round it, and the ray.
+    fn ray(&self, (s, c): &(f64, f64)) -> (Vector3<f64>, Vector3<f64>) {
+        let outward = self.side * *c + self.other * *s;
+        (outward, self.axis * self.cosine + outward * self.sine)
+    }
+}
+
+impl Outline {
+    /// As [`cone_centroid`].
+    pub fn of(parameters: &Vector3<f64>, camera: &Camera) -> Option<Self> {
+        let cone = Cone::of(parameters)?;
         let boundary = BOUNDARY_DIRECTIONS
             .iter()
-            .map(|(s, c)| camera.project(&Point3::from(axis * cosine + (side * *c + other * *s) * sine)).ok())
+            .map(|place| camera.project(&Point3::from(cone.ray(place).1)).ok())
             .collect::<Option<Vec<_>>>()?;
         let middle = boundary.iter().sum::<Vector2<f64>>() / BOUNDARY_POINTS as f64;
         let (mut area, mut first) = (0.0, Vector2::zeros());
@@ -425,20 +449,14 @@ impl Outline {
 
 /// The outline of the cone `r · w = 1` in a camera's picture; None where the cone does not lie before the camera.
 pub fn cone_centroid(parameters: &Vector3<f64>, camera: &Camera) -> Option<ConeOutline> {
-    let length = parameters.norm();
-    if !(length > 1.0) {
-        return None;
-    }
-    let axis = parameters / length;
-    let (side, other) = across(&axis);
-    let (cosine, sine) = (length.recip(), (1.0 - length.powi(-2)).sqrt());
+    let cone = Cone::of(parameters)?;
+    let Cone { length, axis, sine, .. } = cone;
     // Along the axis only the half angle changes; across it the cone turns.
     let along = axis * -length.powi(-2);
     let mut boundary = Vec::with_capacity(BOUNDARY_POINTS);
     let mut moved: Vec<Matrix2x3<f64>> = Vec::with_capacity(BOUNDARY_POINTS);
-    for (s, c) in &*BOUNDARY_DIRECTIONS {
-        let outward = side * *c + other * *s;
-        let ray = axis * cosine + outward * sine;
+    for place in &*BOUNDARY_DIRECTIONS {
+        let (outward, ray) = cone.ray(place);
         let (pixel, by_point) = camera.project_with_point_jacobian(&Point3::from(ray)).ok()?;
         // ∂ray/∂|w|, then the turn ω = a × δa for δa = (I − a aᵀ) δw / |w|: δray = ω × ray.
         let by_length = along + outward * (length.powi(-3) / sine);

@@ -82,9 +82,7 @@ impl Backlash {
         }
         (positions, slopes)
     }
-}
 
-impl Backlash {
     /// The same of a joint that comes from afar to each row.
     fn from_afar(scene: &Scene, n: NodeId, friction_nm: f64, half: f64) -> (Vec<f64>, Vec<f64>) {
         let (mut side, mut last_q) = (0.0_f64, 0.0);
@@ -139,12 +137,12 @@ impl Effect for Backlash {
         }
     }
 
-    fn variants_beside(&self, scene: &Scene, place: Place, variant: f64, parameters: &[f64]) -> Vec<f64> {
-        let Some(n) = joint_of(place) else { return Vec::new() };
+    fn variant_beside(&self, scene: &Scene, place: Place, variant: f64, parameters: &[f64]) -> Option<f64> {
+        let n = joint_of(place)?;
         let positions = |variant| Self::followed(scene, n, variant, parameters[0]).0;
         let some =
             positions(variant).iter().zip(&positions(-variant)).any(|(a, b)| (a - b).abs() > NEGLIGIBLE);
-        some.then_some(-variant).into_iter().collect()
+        some.then_some(-variant)
     }
 
     fn columns(&self, scene: &Scene, place: Place, variant: f64, parameters: &[f64]) -> Vec<Column> {

@@ -149,9 +149,15 @@ pub(crate) trait Effect: Send + Sync {
         vec![0.0]
     }
 
-    /// Values of the discrete unknown that differ from this one only where the effect has a size: with these parameters.
-    fn variants_beside(&self, _scene: &Scene, _place: Place, _variant: f64, _parameters: &[f64]) -> Vec<f64> {
-        Vec::new()
+    /// A value of the discrete unknown that differs from this one only where the effect has a size: with these parameters.
+    fn variant_beside(
+        &self,
+        _scene: &Scene,
+        _place: Place,
+        _variant: f64,
+        _parameters: &[f64],
+    ) -> Option<f64> {
+        None
     }
 
     /// Values of the discrete unknown near one that was found, among which it is refined.

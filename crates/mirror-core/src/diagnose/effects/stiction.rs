@@ -47,17 +47,12 @@ impl Stiction {
             .map(|f| {
                 let (q, torque) = (scene.q(f, n), scene.torque(f, n));
                 let hold = q + droop * torque;
-                if variant == FROM_AFAR {
-                    // It begins on the side from which it comes, out of friction's reach.
-                    if q != last_q {
-                        theta = hold - (q - last_q).signum() * f64::INFINITY;
-                    } else if by_band != 0.0 {
-                        theta = hold + by_band * band;
-                        by_droop = torque;
-                    }
-                    last_q = q;
-                }
-                if theta > hold + band {
+                // The side from which it comes; of a joint that did not move the one on which it rests.
+                let side = if q == last_q { by_band } else { (last_q - q).signum() };
+                last_q = q;
+                if variant == FROM_AFAR && side != 0.0 {
+                    (theta, by_band, by_droop) = (hold + side * band, side, torque);
+                } else if theta > hold + band {
                     (theta, by_band, by_droop) = (hold + band, 1.0, torque);
                 } else if theta < hold - band {
                     (theta, by_band, by_droop) = (hold - band, -1.0, torque);
@@ -82,13 +77,13 @@ impl Effect for Stiction {
     }
 
     /// The other, unless all motions are large.
-    fn variants_beside(&self, scene: &Scene, place: Place, variant: f64, parameters: &[f64]) -> Vec<f64> {
-        let Some(n) = joint_of(place) else { return Vec::new() };
+    fn variant_beside(&self, scene: &Scene, place: Place, variant: f64, parameters: &[f64]) -> Option<f64> {
+        let n = joint_of(place)?;
         let rests = |variant| Self::followed(scene, n, variant, parameters[0], parameters[1]);
         let other = if variant == FROM_AFAR { DIRECTLY } else { FROM_AFAR };
         let differs = |(a, b): (&Rest, &Rest)| (a.error - b.error).abs() > NEGLIGIBLE;
         let some = rests(variant).iter().zip(&rests(other)).any(differs);
-        some.then_some(other).into_iter().collect()
+        some.then_some(other)
     }
 
     fn prior_std(&self, scene: &Scene, place: Place) -> Vec<f64> {

@@ -8,7 +8,7 @@ use crate::diagnose::likelihood::normal_equations::{Normal, Planes, needs_board}
 use crate::diagnose::model::problem::{Noise, Problem};
 use crate::error::Result;
 use core::ops::Range;
-use nalgebra::{DMatrix, DVector};
+use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
 /// A model's normal equations at its current values, for questions that need no fit.
 pub(crate) struct Linearised {
@@ -64,18 +64,27 @@ impl Linearised {
         let s: Vec<f64> = rest.iter().map(|&i| active.prior_std[i]).collect();
         let mut values = active.values.clone();
         own.clone().zip(to).for_each(|(o, new)| values[o] = *new);
-        let among = DMatrix::from_fn(rest.len(), rest.len(), |a, b| {
-            h[(rest[a], rest[b])] * s[a] * s[b] + if a == b { 1.0 } else { 0.0 }
-        });
+        let among = self.among_themselves(&rest)?;
         let pull = DVector::from_fn(rest.len(), |a, _| {
             own.clone().map(|o| h[(rest[a], o)] * (active.values[o] - values[o])).sum::<f64>() * s[a]
         });
-        let change = among.cholesky()?.solve(&pull);
+        let change = among.solve(&pull);
         for (a, &i) in rest.iter().enumerate() {
             let value = active.values[i] + s[a] * change[a];
             values[i] = if active.positive[i] { value.max(0.0) } else { value };
         }
         values.iter().all(|v| v.is_finite()).then(|| active.model(model, &values))
+    }
+
+    /// The factor of the equations of some parameters within their priors, in units of the priors' deviations:
+    /// `S H_rr S + I`. None where numbers overflow.
+    fn among_themselves(&self, rest: &[usize]) -> Option<Cholesky<f64, Dyn>> {
+        let (h, std) = (&self.normal.h, &self.active.prior_std);
+        let among = DMatrix::from_fn(rest.len(), rest.len(), |a, b| {
+            let (i, j) = (rest[a], rest[b]);
+            h[(i, j)] * std[i] * std[j] + if a == b { 1.0 } else { 0.0 }
+        });
+        among.cholesky()
     }
 
     /// Where the group's parameters begin.
@@ -89,16 +98,12 @@ impl Linearised {
         let h = &self.normal.h;
         let rest: Vec<usize> = (0..self.active.values.len()).filter(|i| !own.contains(i)).collect();
         let std = |i: usize| self.active.prior_std[i];
-        let among = DMatrix::from_fn(rest.len(), rest.len(), |a, b| {
-            let (i, j) = (rest[a], rest[b]);
-            h[(i, j)] * std(i) * std(j) + if a == b { 1.0 } else { 0.0 }
-        });
         let across = DMatrix::from_fn(rest.len(), own.len(), |a, b| h[(rest[a], own[b])] * std(rest[a]));
         let own_block = DMatrix::from_fn(own.len(), own.len(), |a, b| h[(own[a], own[b])]);
         if rest.is_empty() {
             return Some(own_block);
         }
-        let reduced = own_block - across.tr_mul(&among.cholesky()?.solve(&across));
+        let reduced = own_block - across.tr_mul(&self.among_themselves(&rest)?.solve(&across));
         reduced.iter().all(|x| x.is_finite()).then_some(reduced)
     }
 
@@ -110,10 +115,6 @@ impl Linearised {
         let (active, h, g) = (&self.active, &self.normal.h, &self.normal.g);
         let rest: Vec<usize> = (0..active.values.len()).filter(|i| !held.contains(i)).collect();
         let s = |i: usize| active.prior_std[i];
-        let among = DMatrix::from_fn(rest.len(), rest.len(), |a, b| {
-            let (i, j) = (rest[a], rest[b]);
-            h[(i, j)] * s(i) * s(j) + if a == b { 1.0 } else { 0.0 }
-        });
         let across = DVector::from_fn(rest.len(), |a, _| {
             own.iter().map(|&j| h[(rest[a], j)]).sum::<f64>() * s(rest[a])
         });
@@ -121,7 +122,7 @@ impl Linearised {
             let i = rest[a];
             g[i] * s(i) - active.values[i] / s(i)
         });
-        let along = among.cholesky()?.solve(&across);
+        let along = self.among_themselves(&rest)?.solve(&across);
         let all: f64 = own.iter().flat_map(|&i| own.iter().map(move |&j| h[(i, j)])).sum();
         let information = (all - across.dot(&along)).max(0.0);
         let gradient = own.iter().map(|&i| g[i]).sum::<f64>() - pull.dot(&along);

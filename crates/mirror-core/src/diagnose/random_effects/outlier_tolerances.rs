@@ -110,12 +110,21 @@ pub(crate) fn put_back(
     !back.is_empty()
 }
 
-/// The zeros of the joints of a group: each with its hypothesis, its value, the share of it that the data determine, and
-/// whether it is a cause already.
+/// The zero of a joint.
+pub(crate) struct Zero {
+    pub hypothesis: usize,
+    pub value_rad: f64,
+    /// The share of it that the data determine.
+    pub told: f64,
+    /// Whether it is a cause already.
+    pub is_cause: bool,
+}
+
+/// The zeros of the joints of a group.
 pub(crate) struct Zeros<'a> {
     pub setup: &'a Geometry,
     pub catalogue: &'a Catalogue,
-    pub each: Vec<(usize, f64, f64, bool)>,
+    pub each: Vec<Zero>,
 }
 
 impl<'a> Zeros<'a> {
@@ -129,16 +138,23 @@ impl<'a> Zeros<'a> {
             let Some(h) = catalogue.find(effect, place) else { continue };
             let own = fit.model.terms.iter().find(|t| t.hypothesis == h);
             let told = 1.0 - (fit.covariance[(first + k, first + k)] / (prior * prior)).clamp(0.0, 1.0);
-            let value = fit.model.group[k] + own.map_or(0.0, |t| t.parameters[0]);
-            each.push((h, value, if own.is_some() { 1.0 } else { told }, own.is_some()));
+            let is_cause = own.is_some();
+            each.push(Zero {
+                hypothesis: h,
+                value_rad: fit.model.group[k] + own.map_or(0.0, |t| t.parameters[0]),
+                told: if is_cause { 1.0 } else { told },
+                is_cause,
+            });
         }
         Self { setup, catalogue, each }
     }
 
     /// The common scale of all that are no causes, with one of them or without.
     fn spread(&self, (of, included): (usize, bool)) -> f64 {
-        let others = self.each.iter().enumerate().filter(|(i, z)| if *i == of { included } else { !z.3 });
-        let (sum, count) = others.fold((0.0, 0.0), |(s, c), (_, (_, v, told, _))| (s + v * v, c + told));
+        let others =
+            self.each.iter().enumerate().filter(|(i, z)| if *i == of { included } else { !z.is_cause });
+        let (sum, count) =
+            others.fold((0.0, 0.0), |(s, c), (_, z)| (s + z.value_rad * z.value_rad, c + z.told));
         self.setup.usual_zero(sum, count)
     }
 
@@ -149,12 +165,13 @@ impl<'a> Zeros<'a> {
     /// with and without it, σ₀ and P its prior as a cause.
     pub fn log_odds(&self, k: usize) -> f64 {
         let log_normal = |v: f64, s: f64| -0.5 * (v / s).powi(2) - s.ln();
-        let (h, own, ..) = self.each[k];
         let (rest, all) = (self.spread((k, false)), self.spread((k, true)));
-        let others = self.each.iter().enumerate().filter(|(i, z)| *i != k && !z.3);
-        let others = others.map(|(_, (_, v, told, _))| told * (log_normal(*v, rest) - log_normal(*v, all)));
-        let hypothesis = &self.catalogue.hypotheses[h];
-        let own = log_normal(own, hypothesis.prior_std[0]) - log_normal(own, all);
+        let others = self.each.iter().enumerate().filter(|(i, z)| *i != k && !z.is_cause);
+        let others =
+            others.map(|(_, z)| z.told * (log_normal(z.value_rad, rest) - log_normal(z.value_rad, all)));
+        let Zero { hypothesis, value_rad, .. } = self.each[k];
+        let hypothesis = &self.catalogue.hypotheses[hypothesis];
+        let own = log_normal(value_rad, hypothesis.prior_std[0]) - log_normal(value_rad, all);
         others.sum::<f64>() + own + hypothesis.log_prior
     }
 }
@@ -163,9 +180,9 @@ impl<'a> Zeros<'a> {
 /// is so much smaller.
 pub(crate) fn standing_out(setup: &Geometry, catalogue: &Catalogue, fit: &Fit) -> Option<Term> {
     let zeros = Zeros::of(setup, catalogue, fit);
-    let free = (0..zeros.each.len()).filter(|&k| !zeros.each[k].3);
+    let free = (0..zeros.each.len()).filter(|&k| !zeros.each[k].is_cause);
     let (best, odds) = free.map(|k| (k, zeros.log_odds(k))).max_by(|a, b| a.1.total_cmp(&b.1))?;
-    let hypothesis = zeros.each[best].0;
+    let hypothesis = zeros.each[best].hypothesis;
     (odds > 0.0).then(|| Term { hypothesis, variant: 0.0, parameters: vec![0.0], prior_scale: 1.0 })
 }
 
@@ -177,6 +194,6 @@ pub(crate) fn odds_of_standing_out(
     hypothesis: usize,
 ) -> Option<f64> {
     let zeros = Zeros::of(setup, catalogue, fit);
-    let k = zeros.each.iter().position(|z| z.0 == hypothesis && z.3)?;
+    let k = zeros.each.iter().position(|z| z.hypothesis == hypothesis && z.is_cause)?;
     Some(zeros.log_odds(k))
 }

@@ -143,11 +143,11 @@ impl Search<'_> {
         Ok(screen(&self.problem, self.catalogue, &group, &start, noise, self.mask)?.scores)
     }
 
-    /// Values of a cause's discrete unknown that the score test cannot tell from its own.
-    fn variants_beside(&self, term: &Term) -> Vec<f64> {
+    /// A value of a cause's discrete unknown that the score test cannot tell from its own.
+    fn variant_beside(&self, term: &Term) -> Option<f64> {
         let (effect, place) =
             (self.catalogue.effect(term.hypothesis), self.catalogue.hypotheses[term.hypothesis].place);
-        effect.variants_beside(&self.problem.scene, place, term.variant, &term.parameters)
+        effect.variant_beside(&self.problem.scene, place, term.variant, &term.parameters)
     }
 
     /// The last cause with the best of all its discrete unknowns, each fitted.
@@ -156,7 +156,7 @@ impl Search<'_> {
         let hypothesis = &self.catalogue.hypotheses[term.hypothesis];
         let mut variants =
             if hypothesis.variants.len() < 2 { Vec::new() } else { hypothesis.variants.clone() };
-        variants.extend(self.variants_beside(term));
+        variants.extend(self.variant_beside(term));
         if variants.is_empty() {
             return Ok(fit.clone());
         }
@@ -255,7 +255,7 @@ impl Search<'_> {
             let hypothesis = &self.catalogue.hypotheses[term.hypothesis];
             let effect = self.catalogue.effect(term.hypothesis);
             let mut near = effect.variants_near(&self.problem.scene, hypothesis.place, term.variant);
-            near.extend(self.variants_beside(term));
+            near.extend(self.variant_beside(term));
             if near.is_empty() {
                 continue;
             }

@@ -220,7 +220,7 @@ fn columns_are_derivatives(problem: &Problem) {
         // Away from zero and from kinks; a play keeps its contacts under so small a change.
         let at: Vec<f64> = hypothesis.prior_std.iter().map(|s| 0.3 * s).collect();
         let last = hypothesis.variants.last().copied().unwrap_or_default();
-        let beside = effect.variants_beside(scene, hypothesis.place, last, &at);
+        let beside = effect.variant_beside(scene, hypothesis.place, last, &at);
         for &variant in hypothesis.variants.iter().take(4).chain(&beside) {
             let term = Term { hypothesis: h, variant, parameters: at.clone(), prior_scale: 1.0 };
             let columns = catalogue.columns(scene, &term);

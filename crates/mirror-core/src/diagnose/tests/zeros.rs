@@ -5,7 +5,7 @@ use crate::diagnose::effects::hypothesis::Catalogue;
 use crate::diagnose::effects::{Place, vocabulary};
 use crate::diagnose::model::problem::Problem;
 use crate::diagnose::random_effects::geometric_tolerances::Geometry;
-use crate::diagnose::random_effects::outlier_tolerances::Zeros;
+use crate::diagnose::random_effects::outlier_tolerances::{Zero, Zeros};
 use crate::robot::Robot;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
@@ -28,7 +28,13 @@ fn a_zero_is_a_cause_where_it_is_none_of_the_others() {
         joints.filter_map(|n| catalogue.find("joint_offset", Place::Joint(n))).collect();
     assert!(hypotheses.len() >= 6);
     let odds = |values: &[f64], k: usize| {
-        let each = hypotheses.iter().zip(values).map(|(&h, &v)| (h, v, 1.0, false)).collect();
+        let each = hypotheses.iter().zip(values).map(|(&hypothesis, &value_rad)| Zero {
+            hypothesis,
+            value_rad,
+            told: 1.0,
+            is_cause: false,
+        });
+        let each = each.collect();
         Zeros { setup: &setup, catalogue: &catalogue, each }.log_odds(k)
     };
     let mut random = ChaCha8Rng::seed_from_u64(1);
