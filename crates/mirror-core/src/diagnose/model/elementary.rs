@@ -6,6 +6,7 @@
 use crate::diagnose::model::body::NodeId;
 use crate::diagnose::model::deformation::Deformation;
 use crate::diagnose::model::kinematics::{NodePoses, tilted_axis};
+use crate::diagnose::model::pose::after_turn;
 use crate::diagnose::model::scene::Scene;
 use crate::diagnose::principles::Size;
 use nalgebra::{Vector2, Vector3};
@@ -23,8 +24,8 @@ pub(crate) enum Atom {
     Turn(NodeId, usize),
     /// Rotation of the node about its middle about one of the two directions across its joint's axis (those of `axis_tilt`).
     Across(NodeId, usize),
-    /// Rotation about one of the same directions at the joint's origin, before its motion: compliance of the joint
-    /// as a whole.
+    /// Rotation about one of the same directions at the joint's origin, before its motion: a twist of what carries it, or
+    /// compliance of the joint as a whole.
     Rock(NodeId, usize),
     /// Shift along x, y or z of the origins of the joints that the node (or the base: none) carries.
     LinkShift(Option<NodeId>, usize),
@@ -160,8 +161,10 @@ pub(crate) fn body_twist(
             Some(Twist::about(&middle(scene, poses, n), omega))
         }
         Atom::Rock(n, k) => {
-            let omega = poses.world_from_joint[n] * scene.body.nodes[n].tilt_directions[k];
-            Some(Twist::about(&poses.origin[n], omega))
+            let directions = &scene.body.nodes[n].tilt_directions;
+            let turned = deformation.rock(frame, n).map(|r| directions[0] * r.x + directions[1] * r.y);
+            let omega = turned.map_or(directions[k], |r| after_turn(&r, &directions[k]));
+            Some(Twist::about(&poses.origin[n], poses.world_from_joint[n] * omega))
         }
         Atom::LinkShift(n, k) => {
             let axis = Vector3::ith_axis(k).into_inner();

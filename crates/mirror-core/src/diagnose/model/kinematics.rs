@@ -66,7 +66,7 @@ impl NodePoses {
                 Some(p) => self.world_from_node[p].then(&joint),
                 None => joint,
             };
-            if let Some(rock) = deformation.rock(frame, n) {
+            if let Some(rock) = deformation.rock(frame, n).filter(|r| **r != Vector2::zeros()) {
                 world_from_joint.r *=
                     exp(&(node.tilt_directions[0] * rock.x + node.tilt_directions[1] * rock.y));
             }

@@ -60,6 +60,19 @@ pub(crate) fn rotation_about(axis: &Vector3<f64>, angle: f64) -> Matrix3<f64> {
     )
 }
 
+/// The rotation vector w (rad) with `exp(r + h d) = exp(r) exp(h w)` to first order in h:
+/// `w = d − (1 − cos φ)/φ² r × d + (φ − sin φ)/φ³ r × (r × d)`, `φ = |r|`.
+pub(crate) fn after_turn(r: &Vector3<f64>, d: &Vector3<f64>) -> Vector3<f64> {
+    let angle = r.norm();
+    let once = r.cross(d);
+    if angle < 1e-4 {
+        // The next term is below 1e-8 here.
+        return d - once * 0.5;
+    }
+    let (s, c) = angle.sin_cos();
+    d - once * ((1.0 - c) / angle.powi(2)) + r.cross(&once) * ((angle - s) / angle.powi(3))
+}
+
 /// `Exp` of a rotation vector (rad).
 #[inline]
 pub(crate) fn exp(omega: &Vector3<f64>) -> Matrix3<f64> {
