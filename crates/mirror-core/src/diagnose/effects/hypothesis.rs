@@ -22,7 +22,7 @@ pub(crate) struct Hypothesis {
     pub variants: Vec<f64>,
     pub prior_std: Vec<f64>,
     /// Log prior probability of this cause: all effects are equally probable (with those of columns where the robot
-    /// has one), and so are the places of an effect.
+    /// has one) unless they tell otherwise, and so are the places of an effect.
     pub log_prior: f64,
 }
 
@@ -45,7 +45,7 @@ impl Catalogue {
         let may_be = |(e, places): &&(usize, Vec<Place>)| !places.is_empty() || !effects[*e].is_of_columns();
         let count = on.iter().filter(may_be).count();
         for (effect, places) in on {
-            let log_prior = -((count * places.len().max(1)) as f64).ln();
+            let log_prior = effects[effect].log_prior() - ((count * places.len().max(1)) as f64).ln();
             for place in places {
                 hypotheses.push(Hypothesis {
                     effect,

@@ -24,6 +24,7 @@ mod joint_offset;
 mod lens_distortion;
 mod link_bending;
 mod link_length;
+mod link_twist;
 mod marker_image;
 mod marker_mount;
 mod mirror_curvature;
@@ -44,6 +45,7 @@ use crate::diagnose::model::body::NodeId;
 use crate::diagnose::model::deformation::Deformation;
 use crate::diagnose::model::elementary::Column;
 use crate::diagnose::model::scene::Scene;
+use crate::diagnose::principles::Prior;
 
 /// Factors on a discrete unknown (a friction torque) that are tried once the cause is found.
 const VARIANT_FACTORS: [f64; 8] = [0.7, 0.8, 0.88, 0.95, 1.06, 1.14, 1.25, 1.4];
@@ -202,6 +204,11 @@ pub(crate) trait Effect: Send + Sync {
         false
     }
 
+    /// Log prior probability against the other effects, which are all equally probable.
+    fn log_prior(&self) -> Prior {
+        0.0
+    }
+
     /// Relative uncertainty of the parameter because real joints obey the law only approximately.
     fn law_uncertainty(&self) -> f64 {
         0.0
@@ -274,6 +281,7 @@ pub(crate) fn vocabulary() -> Vec<Box<dyn Effect>> {
         Box::new(tilt_play::TiltPlay { direction: 1 }),
         Box::new(transverse_compliance::TransverseCompliance),
         Box::new(link_length::LinkLength),
+        Box::new(link_twist::LinkTwist),
         Box::new(axis_tilt::AxisTilt),
         Box::new(joint_coupling::JointCoupling),
         Box::new(drift::Drift),
