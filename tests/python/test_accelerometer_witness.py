@@ -171,6 +171,19 @@ def test_a_tilted_axis_is_predicted_by_the_corrected_urdf(tmp_path: Path) -> Non
     assert right["after_mount_free_rad"] == pytest.approx(NOISE_RAD, rel=0.15)
 
 
+def test_a_twisted_link_is_predicted_by_the_corrected_urdf(tmp_path: Path) -> None:
+    """The upper arm is twisted: the elbow's origin is turned about x, across its axis y and the arm."""
+    nominal = (Path(__file__).parents[2] / "python/mirror_posture/embedded/robot.urdf").read_text("utf-8")
+    head, tail = nominal.split('<joint name="r_elbow"', 1)
+    assert '<origin xyz="0 0 -0.044"/>' in tail
+    turned = tail.replace('<origin xyz="0 0 -0.044"/>', '<origin xyz="0 0 -0.044" rpy="0.1 0 0"/>', 1)
+    found = diagnose(tracked(tmp_path / "session", lambda q: q, head + '<joint name="r_elbow"' + turned))
+    assert [(c.effect, c.at) for c in found.causes] == [("link_twist", "link:r_upper_arm")]
+    right = found.document["accelerometer_witness"][0]
+    assert right["before_mount_free_rad"] > 3.0 * NOISE_RAD
+    assert right["after_mount_free_rad"] == pytest.approx(NOISE_RAD, rel=0.15)
+
+
 @pytest.mark.parametrize(
     "hidden",
     [

@@ -86,6 +86,34 @@ def test_offset_and_tilt_move_the_robot_as_the_vocabulary_says(tmp_path: Path) -
     np.testing.assert_allclose(got, below + turned.apply(below), atol=1e-10)
 
 
+def test_a_twist_turns_the_origin_before_the_tilted_joint_moves(tmp_path: Path) -> None:
+    session = mp.load_session(write_folder(tmp_path / "session"))
+    offset, tilt_2, twist_1, twist_2 = 0.05, 0.04, 0.03, -0.06
+    applied = apply_diagnosis(
+        session,
+        found(
+            ("joint_offset", "joint:elbow", {"offset_rad": offset}),
+            ("axis_tilt", "joint:elbow", {"tilt_1_rad": 0.0, "tilt_2_rad": tilt_2}),
+            ("link_twist", "link:upper", {"twist_1_rad": twist_1, "twist_2_rad": twist_2}),
+            ("link_twist", "link:lower", {"twist_1_rad": 0.1, "twist_2_rad": 0.0}),
+        ),
+        tmp_path / "better",
+    )
+    assert [entry.file for entry in applied.written] == ["robot.urdf"] * 3 + [None]
+    assert applied.written[-1].what == "link lower carries no single moving joint"
+    better = mp.Robot.from_urdf(applied.folder / "robot.urdf")
+    q = better.positions({"shoulder": [0.1], "elbow": [0.4]})
+    got = better.points(q, "upper", "hand_marker")[0]
+    # By SciPy: a = y, u = -z, v = -x.
+    from scipy.spatial.transform import Rotation
+
+    twisted = Rotation.from_rotvec([-twist_2, 0.0, -twist_1])
+    axis = np.array([-np.tan(tilt_2), 1.0, 0.0])
+    turned = Rotation.from_rotvec((0.4 + offset) * axis / np.linalg.norm(axis))
+    below = np.array([0.0, 0.0, -0.1])
+    np.testing.assert_allclose(got, below + (twisted * turned).apply(below), atol=1e-10)
+
+
 def test_a_link_moves_what_it_carries_through_turned_mounts_too(tmp_path: Path) -> None:
     text = replaced(
         URDF,

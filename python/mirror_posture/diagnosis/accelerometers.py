@@ -27,7 +27,7 @@ from .applied.urdf import Urdf
 from .applied.xml_text import read_xml
 from .result import Diagnosis
 
-IN_URDF = ("axis_tilt", "joint_offset")
+IN_URDF = ("link_twist", "axis_tilt", "joint_offset")
 """Effects that a URDF can represent and that turn links. In this order, because an offset turns about the
 real axis."""
 LENGTH_OFF = 0.05
@@ -132,6 +132,13 @@ class _Errors:
         for part in sorted(constant, key=lambda p: IN_URDF.index(p.effect)):
             joint = part.at.partition(":")[2]
             value = {name: estimate.value for name, estimate in part.parameters.items()}
+            if part.effect == "link_twist":
+                turned = urdf.turn_carried(
+                    joint, value.get("twist_1_rad", 0.0), value.get("twist_2_rad", 0.0)
+                )
+                if turned is not None:
+                    corrected.add(turned)
+                continue
             if joint not in turning and joint in urdf.joints:
                 continue
             if part.effect == "axis_tilt":
@@ -151,7 +158,9 @@ class _Errors:
                 turn[joint] = turn.get(joint, 0.0) + by_frame
         for track in found.tracks:
             link = track.at.removeprefix("link:")
-            if track.cause is not None and track.what == "turn" and link in joint_of_link:
+            if track.cause is None or found.causes[track.cause].effect in IN_URDF:
+                continue
+            if track.what == "turn" and link in joint_of_link:
                 by_frame = _by_frame(session, track.frame, track.fitted)
                 bend[joint_of_link[link]] = bend.get(joint_of_link[link], 0.0) + by_frame
         robot = Robot.from_urdf_text(urdf.text()) if corrected else session.robot

@@ -19,6 +19,7 @@ from .joint_faults import change_joint
 LAWS: Mapping[str, Law] = {
     "link_bending": frames.link_bending,
     "link_length": frames.link_length,
+    "link_twist": frames.link_twist,
     "axis_tilt": frames.axis_tilt,
     "axis_sign": frames.axis_sign,
     "joints_swapped": frames.joints_swapped,

@@ -59,18 +59,36 @@ def link_length(changed: Changed, name: str, value: Values) -> tuple[str, str]:
 
 def axis_tilt(changed: Changed, name: str, value: Values) -> tuple[str, str]:
     joint = changed.joint(name)
+    axis, u, v = _across(joint)
+    tilted = axis + np.tan(value.get("tilt_1_rad", 0.0)) * u + np.tan(value.get("tilt_2_rad", 0.0)) * v
+    joint.axis = tilted / np.linalg.norm(tilted)
+    return name, "axis tilted"
+
+
+def link_twist(changed: Changed, name: str, value: Values) -> tuple[str, str]:
+    carried = [body for body, _ in _carried(_body(changed, name))]
+    if len(carried) != 1:
+        raise MirrorPostureError(
+            f"link_twist at link:{name}: needed a body of the model that carries one joint, got one with {len(carried)}"
+        )
+    (body,) = carried
+    joint = body.joints[0]
+    _, u, v = _across(joint)
+    turn = pose_of(value.get("twist_1_rad", 0.0) * u + value.get("twist_2_rad", 0.0) * v, np.zeros(3))
+    there = np.eye(4)
+    there[:3, 3] = np.asarray(joint.pos, float)
+    _place(body, _pose(body) @ there @ turn @ np.linalg.inv(there))
+    return body.name, f"turned before joint {joint.name}"
+
+
+def _across(joint: Any) -> tuple[Floats, Floats, Floats]:
+    """A joint's unit axis a and the two directions across it: `u = unit(a × e)`, `v = a × u` (docs/effects.md)."""
     axis = np.asarray(joint.axis, float)
     axis = axis / np.linalg.norm(axis)
     e = np.array([1.0, 0.0, 0.0]) if abs(axis[0]) < 0.8 else np.array([0.0, 1.0, 0.0])
     u = np.cross(axis, e)
     u /= np.linalg.norm(u)
-    tilted = (
-        axis
-        + np.tan(value.get("tilt_1_rad", 0.0)) * u
-        + np.tan(value.get("tilt_2_rad", 0.0)) * np.cross(axis, u)
-    )
-    joint.axis = tilted / np.linalg.norm(tilted)
-    return name, "axis tilted"
+    return axis, u, np.cross(axis, u)
 
 
 def marker_mount(changed: Changed, name: str, value: Values) -> tuple[str, str]:

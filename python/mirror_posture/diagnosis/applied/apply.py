@@ -38,7 +38,7 @@ NOT_IN_A_MODEL = {
     "pairing": "a fault of the data: correct the rows of the frames table",
 }
 """Why an effect cannot be written, and what to do instead."""
-FIRST = {"axis_sign": 0, "axis_tilt": 1, "board_mount": 1}
+FIRST = {"axis_sign": 0, "link_twist": 1, "axis_tilt": 2, "board_mount": 2}
 """Effects on whose places others depend, in the order in which they are written."""
 
 
@@ -87,10 +87,11 @@ def apply_diagnosis(
     urdf = Urdf(read_xml(session.robot_file), str(session.robot_file))
     better = session
     # Of a group's small errors each is written like a separate cause. An offset turns about the real axis, so
-    # tilts are written first; so is the board, relative to which the camera is given.
+    # tilts are written first, and before them twists, which are across the modelled axis; so is the board, relative to
+    # which the camera is given.
     parts = [(index, part) for index, cause in enumerate(found.causes) for part in parts_of(cause)]
     entries: dict[int, list[Written]] = {index: [] for index in range(len(found.causes))}
-    for index, part in sorted(parts, key=lambda entry: FIRST.get(entry[1].effect, 2)):
+    for index, part in sorted(parts, key=lambda entry: FIRST.get(entry[1].effect, 3)):
         better, entry = _apply(better, urdf, part)
         entries[index].append(entry)
     mechanical = _together(
@@ -208,6 +209,13 @@ def _apply(session: Session, urdf: Urdf, cause: Cause) -> tuple[Session, Written
         if not moved:
             return refused(f"link {name} carries no moving joint")
         return in_robot(f"origin of joint {', '.join(moved)}")
+    if cause.effect == "link_twist":
+        turned = urdf.turn_carried(name, value["twist_1_rad"], value["twist_2_rad"])
+        return (
+            in_robot(f"origin (rpy) of joint {turned}")
+            if turned
+            else refused(f"link {name} carries no single moving joint")
+        )
     if cause.effect == "joint_origin":
         urdf.shift_origin(name, vector("d", "m"))
         return in_robot(f"origin of joint {name}")

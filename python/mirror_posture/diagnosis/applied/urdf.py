@@ -127,28 +127,52 @@ class Urdf:
 
     def tilt_axis(self, name: str, tilt_1_rad: float, tilt_2_rad: float) -> None:
         """The real axis is `unit(a + tan(tilt_1) u + tan(tilt_2) v)`, `u = unit(a × e)`, `v = a × u`."""
+        a, (u, v) = self.axis(name), self.across(name)
+        real = a + math.tan(tilt_1_rad) * u + math.tan(tilt_2_rad) * v
+        self.set_axis(name, real / np.linalg.norm(real))
+
+    def across(self, name: str) -> tuple[Floats, Floats]:
+        """The two directions across a joint's axis a: `u = unit(a × e)`, `v = a × u`, in the joint's frame."""
         a = self.axis(name)
         e = np.array([0.0, 1.0, 0.0]) if abs(a[0]) >= NEARLY_X else np.array([1.0, 0.0, 0.0])
         u = np.cross(a, e)
         u /= np.linalg.norm(u)
-        real = a + math.tan(tilt_1_rad) * u + math.tan(tilt_2_rad) * np.cross(a, u)
-        self.set_axis(name, real / np.linalg.norm(real))
+        return u, np.cross(a, u)
+
+    def turn_carried(self, link: str, twist_1_rad: float, twist_2_rad: float) -> str | None:
+        """Turns the origin of the moving joint that a rigid body carries by `exp(twist_1 u + twist_2 v)`, u and v across its axis;
+        returns its name, None where the body carries none or several."""
+        carried = self._carried_by(link)
+        if len(carried) != 1:
+            return None
+        (name,) = carried
+        u, v = self.across(name)
+        motion = np.eye(4)
+        motion[:3, :3] = rotation_of_vector(twist_1_rad * u + twist_2_rad * v)
+        self.set_origin(name, self.origin(name) @ motion)
+        return name
 
     def shift_carried(self, link: str, shift_in_link_m: Floats) -> list[str]:
         """Moves the origins of the moving joints that a rigid body carries; returns their names.
 
         The body is the link with all that is fixed to it; the shift is told in the link's frame.
         """
+        carried = self._carried_by(link)
+        for name, link_from_parent in carried.items():
+            pose = self.origin(name)
+            pose[:3, 3] += link_from_parent[:3, :3].T @ shift_in_link_m
+            self.set_origin(name, pose)
+        return list(carried)
+
+    def _carried_by(self, link: str) -> dict[str, Floats]:
+        """The moving joints that the rigid body of a link carries, with `link_from_parent` of each."""
         body = self._rigid_body(link)
-        moved = []
-        for name, joint in self.joints.items():
-            parent = _link(joint, "parent")
-            if self.kind(name) != "fixed" and parent in body:
-                pose = self.origin(name)
-                pose[:3, 3] += body[parent][:3, :3].T @ shift_in_link_m
-                self.set_origin(name, pose)
-                moved.append(name)
-        return moved
+        parents = {name: _link(joint, "parent") for name, joint in self.joints.items()}
+        return {
+            name: body[parent]
+            for name, parent in parents.items()
+            if self.kind(name) != "fixed" and parent in body
+        }
 
     def shift_mount(self, link: str, shift_m: Floats) -> str | None:
         """Moves the fixed mount of a link, told in the frame of the moving link that carries it; returns the joint's name."""
