@@ -1,10 +1,11 @@
-"""A six-axis arm beside a mast with camera and board, seen in a mirror: one of its flanges is twisted, which no effect of the vocabulary says.
+"""A six-axis arm beside a mast with camera and board, seen in a mirror or by a tracker: one of its links is twisted, or another one place is off.
 
 Plain NumPy that shares nothing with the core. The markers are points, so that no outline enters.
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -87,26 +88,75 @@ def _urdf() -> str:
     return f'<robot name="six_axis">{links}{joints}</robot>'
 
 
-def _session(gravity_m_per_s2: float) -> str:
-    markers = "".join(f'[[markers]]\nname = "{name}"\nlink = "{name}"\ndiameter = 0.0\n' for name in MARKERS)
+Numbers = tuple[float, float, float]
+NO: Numbers = (0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True)
+class Wrong:
+    """What is wrong at a joint: its origin turned, its axis turned, its zero, its origin shifted."""
+
+    at: str
+    twist_rad: Numbers = NO
+    tilt_rad: Numbers = NO
+    zero_rad: float = 0.0
+    shift_m: Numbers = NO
+
+
+@dataclass(frozen=True)
+class ByHand:
+    """How far mounts are off, one standard deviation; stated as tolerances. Board and camera are turned by `rad` too."""
+
+    m: float = 0.0
+    rad: float = 0.0
+
+    def line(self, *, turns: bool) -> str:
+        """The lines of session.toml; none where mounts are exact."""
+        if self.m == 0.0:
+            return ""
+        return f"tolerance_m = {self.m}\n" + (f"tolerance_rad = {self.rad}\n" if turns else "")
+
+
+def _session(gravity_m_per_s2: float, hand: ByHand) -> str:
+    markers = "".join(
+        f'[[markers]]\nname = "{name}"\nlink = "{name}"\ndiameter = 0.0\n{hand.line(turns=False)}'
+        for name in MARKERS
+    )
+    mount = hand.line(turns=True)
     return (
         'format = "mirror-posture/session"\nversion = 1\nrobot = "robot.urdf"\ncamera = "camera.yaml"\nroot = "base"\n'
-        f'gravity = [0.0, 0.0, {gravity_m_per_s2}]\n[camera_mount]\nlink = "camera"\n'
-        f'[board]\nlink = "board"\ncorners = [{CORNERS[0]}, {CORNERS[1]}]\nsquare = {SQUARE_M}\n{markers}[mirror]\nglass_thickness = 0.0\n'
+        f'gravity = [0.0, 0.0, {gravity_m_per_s2}]\n[camera_mount]\nlink = "camera"\n{mount}'
+        f'[board]\nlink = "board"\ncorners = [{CORNERS[0]}, {CORNERS[1]}]\nsquare = {SQUARE_M}\n{mount}{markers}[mirror]\nglass_thickness = 0.0\n'
     )
 
 
 Poses = dict[str, tuple[Floats, Floats]]
 
 
-def _poses(q: Floats, twisted: str, twist_rad: Floats) -> Poses:
-    """Turn and place of the links in the root, of an arm whose joint `twisted` has its origin turned."""
+def _poses(q: Floats, wrong: Wrong) -> Poses:
+    """Turn and place of the links in the root."""
     poses = {"base": (np.eye(3), np.zeros(3))}
     for angle, (name, (parent, child, at, axis, _)) in zip(q, JOINTS.items(), strict=True):
         turn, place = poses[parent]
-        own = rotation(twist_rad) if name == twisted else np.eye(3)
-        poses[child] = (turn @ own @ rotation(angle * np.array(axis, float)), place + turn @ np.array(at))
+        here = wrong if name == wrong.at else Wrong(name)
+        own, real = (
+            rotation(np.array(here.twist_rad)),
+            rotation(np.array(here.tilt_rad)) @ np.array(axis, float),
+        )
+        poses[child] = (
+            turn @ own @ rotation((angle + here.zero_rad) * real),
+            place + turn @ (np.array(at) + here.shift_m),
+        )
     return poses
+
+
+def _places(poses: Poses, off_m: Floats) -> Floats:
+    """Where the markers are in the root, each off on its link."""
+    of = [
+        poses[link][0] @ (np.array(on) + off) + poses[link][1]
+        for (link, on), off in zip(MARKERS.values(), off_m, strict=True)
+    ]
+    return np.array(of)
 
 
 def _torque_nm(poses: Poses, joint: str) -> float:
@@ -125,7 +175,7 @@ def _torque_nm(poses: Poses, joint: str) -> float:
 def write_twisted(
     folder: Path,
     seed: int,
-    twist_rad: tuple[float, float, float],
+    twist_rad: Numbers,
     at: str = "j4",
     postures: int = 45,
     std_px: tuple[float, float] = (0.02, 0.1),
@@ -134,11 +184,39 @@ def write_twisted(
 ) -> Path:
     """Random postures, one view each; `std_px` of the corners and of the markers. `spring`: a joint that yields, and its
     compliance, rad/N m. `stated_m_per_s2`: gravity along z as the session states it."""
+    return write_wrong(
+        folder,
+        seed,
+        Wrong(at, twist_rad),
+        postures=postures,
+        std_px=std_px,
+        spring=spring,
+        stated_m_per_s2=stated_m_per_s2,
+    )
+
+
+def write_wrong(
+    folder: Path,
+    seed: int,
+    wrong: Wrong,
+    *,
+    hand: ByHand = ByHand(),
+    postures: int = 45,
+    std_px: tuple[float, float] = (0.02, 0.1),
+    spring: tuple[str, float] | None = None,
+    stated_m_per_s2: float = -9.81,
+) -> Path:
+    """As `write_twisted`, of anything that is wrong at one joint, beside mounts by hand."""
     rng = np.random.default_rng(seed)
     camera, board = _frames()
+    # Of their own, so that the postures of a seed are the same with exact mounts.
+    by_hand = np.random.default_rng((seed, 1))
+    off_m = by_hand.normal(0.0, 1.0, (len(MARKERS), 3)) * hand.m
+    camera_m, board_m = (place + hand.m * by_hand.normal(0.0, 1.0, 3) for place in (CAMERA_M, BOARD_M))
+    camera, board = (turn @ rotation(hand.rad * by_hand.normal(0.0, 1.0, 3)) for turn in (camera, board))
     grid = np.array([[x, y, 0.0] for y in range(CORNERS[1]) for x in range(CORNERS[0])], float)
     grid = (grid - [(CORNERS[0] - 1) / 2, (CORNERS[1] - 1) / 2, 0.0]) * SQUARE_M
-    corners = grid @ board.T + BOARD_M
+    corners = grid @ board.T + board_m
     frames, rows = [f"frame,posture,{','.join(JOINTS)}"], ["frame,target,index,u,v,std_px"]
     number = 0
     while number < postures:
@@ -149,14 +227,14 @@ def write_twisted(
 
         def seen(points: Floats, normal: Floats = normal, away: float = away) -> Floats:
             mirrored = points - 2.0 * np.outer(points @ normal - away, normal)
-            at = (mirrored - CAMERA_M) @ camera
+            at = (mirrored - camera_m) @ camera
             return FOCAL_PX * at[:, :2] / at[:, 2:] + [SIZE_PX[0] / 2, SIZE_PX[1] / 2]
 
-        poses = _poses(q, at, np.array(twist_rad))
+        poses = _poses(q, wrong)
         if spring is not None:
             yields = np.array([name == spring[0] for name in JOINTS])
-            poses = _poses(q + yields * spring[1] * _torque_nm(poses, spring[0]), at, np.array(twist_rad))
-        places = np.array([poses[link][0] @ np.array(on) + poses[link][1] for link, on in MARKERS.values()])
+            poses = _poses(q + yields * spring[1] * _torque_nm(poses, spring[0]), wrong)
+        places = _places(poses, off_m)
         pixels = [seen(corners), seen(places)]
         inside = [np.all((p > 5.0) & (p < np.array(SIZE_PX) - 5.0), axis=1) for p in pixels]
         if not inside[0].all() or inside[1].sum() < 3 or np.max(places @ -normal) > -away - 0.1:
@@ -172,7 +250,7 @@ def write_twisted(
         number += 1
     folder.mkdir(parents=True)
     (folder / "robot.urdf").write_text(_urdf(), encoding="utf-8")
-    (folder / "session.toml").write_text(_session(stated_m_per_s2), encoding="utf-8")
+    (folder / "session.toml").write_text(_session(stated_m_per_s2, hand), encoding="utf-8")
     (folder / "camera.yaml").write_text(
         f"image_width: {SIZE_PX[0]}\nimage_height: {SIZE_PX[1]}\ncamera_name: mast\n"
         f"camera_matrix: {{rows: 3, cols: 3, data: [{FOCAL_PX}, 0, {SIZE_PX[0] / 2}, 0, {FOCAL_PX}, {SIZE_PX[1] / 2}, 0, 0, 1]}}\n"
@@ -181,4 +259,35 @@ def write_twisted(
     )
     (folder / "frames.csv").write_text("\n".join(frames) + "\n", encoding="utf-8")
     (folder / "detections.csv").write_text("\n".join(rows) + "\n", encoding="utf-8")
+    return folder
+
+
+def write_tracked(
+    folder: Path, seed: int, wrong: Wrong, *, hand: ByHand = ByHand(), postures: int = 60, std_m: float = 1e-4
+) -> Path:
+    """The same arm with its markers measured by a tracker in a frame of its own, without camera, board and mirror."""
+    rng = np.random.default_rng(seed)
+    off_m = rng.normal(0.0, 1.0, (len(MARKERS), 3)) * hand.m
+    turn, at = rotation(np.array([0.4, -0.2, 1.1])), np.array([1.5, -0.4, 0.2])
+    frames, rows = [f"frame,posture,{','.join(JOINTS)}"], ["frame,marker,x,y,z"]
+    for number in range(postures):
+        q = np.round(rng.uniform(LOW_RAD, HIGH_RAD), 4)
+        frames.append(f"{number},{number},{','.join(map(str, q))}")
+        seen = _places(_poses(q, wrong), off_m) @ turn.T + at + rng.normal(0.0, std_m, (len(MARKERS), 3))
+        rows += [
+            f"{number},{name},{x:.7f},{y:.7f},{z:.7f}" for name, (x, y, z) in zip(MARKERS, seen, strict=True)
+        ]
+    folder.mkdir(parents=True)
+    markers = "".join(
+        f'[[markers]]\nname = "{name}"\nlink = "{name}"\ndiameter = 0.0\n{hand.line(turns=False)}'
+        for name in MARKERS
+    )
+    (folder / "robot.urdf").write_text(_urdf(), encoding="utf-8")
+    (folder / "session.toml").write_text(
+        'format = "mirror-posture/session"\nversion = 1\nrobot = "robot.urdf"\nroot = "base"\ngravity = [0.0, 0.0, -9.81]\n'
+        f'{markers}[points]\nframe = "unknown"\n[noise]\npoint_std = {std_m}\n',
+        encoding="utf-8",
+    )
+    (folder / "frames.csv").write_text("\n".join(frames) + "\n", encoding="utf-8")
+    (folder / "points.csv").write_text("\n".join(rows) + "\n", encoding="utf-8")
     return folder
