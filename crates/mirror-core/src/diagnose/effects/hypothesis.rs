@@ -43,9 +43,10 @@ impl Catalogue {
             .map(|e| (e, effects[e].places(scene)))
             .collect();
         let may_be = |(e, places): &&(usize, Vec<Place>)| !places.is_empty() || !effects[*e].is_of_columns();
-        let count = on.iter().filter(may_be).count();
+        // As many as are equally probable: a less probable one counts by its share.
+        let count: f64 = on.iter().filter(may_be).map(|(e, _)| effects[*e].log_prior().exp()).sum();
         for (effect, places) in on {
-            let log_prior = effects[effect].log_prior() - ((count * places.len().max(1)) as f64).ln();
+            let log_prior = effects[effect].log_prior() - (count * places.len().max(1) as f64).ln();
             for place in places {
                 hypotheses.push(Hypothesis {
                     effect,
