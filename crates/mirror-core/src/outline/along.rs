@@ -27,6 +27,8 @@ pub(super) struct Along {
     pub behind: Vec<f64>,
     /// The ball's at the rim.
     pub at_rim: f64,
+    /// The background's at the edge.
+    pub beside_rim: f64,
 }
 
 impl Along {
@@ -46,6 +48,7 @@ impl Along {
         self.at_rim = of_ball(rim);
         self.ball.resize(shade.len(), 1.0);
         self.behind.resize(shade.len(), 1.0);
+        self.beside_rim = 1.0;
         self.behind[read.clone()].fill(1.0);
         let inner = rim.clamp(read.start, read.end);
         for i in read.start..inner {
@@ -87,7 +90,8 @@ impl Along {
         // What lies behind from its first clear sample on, and inward as there.
         let per_other = other.recip();
         let begin = first.clamp(read.start, read.end);
-        self.behind[read.start..begin].fill(in_range(luma[first] * per_other, BEHIND_RANGE));
+        self.beside_rim = in_range(luma[first] * per_other, BEHIND_RANGE);
+        self.behind[read.start..begin].fill(self.beside_rim);
         for (to, level) in self.behind[begin..read.end].iter_mut().zip(&luma[begin..read.end]) {
             *to = in_range(level * per_other, BEHIND_RANGE);
         }

@@ -196,6 +196,8 @@ fn colour_edge(rays: &Rays<'_>, ray: usize, hues: Option<[Hue; 2]>, look: Look, 
         channels: [0.0; 3],
         ball: [0.0; 3],
         behind: [0.0; 3],
+        at_rim: 1.0,
+        beside_rim: 1.0,
     };
     let (window, blur) = (rays.window_px[ray], rays.blur_px[ray]);
     let (taper, lever) = if rays.coded { (CODED_TAPER, window) } else { (TAPER, LEVER * blur) };
@@ -263,6 +265,8 @@ fn colour_edge(rays: &Rays<'_>, ray: usize, hues: Option<[Hue; 2]>, look: Look, 
         result.channels = unmixing.channels(trust);
         result.ball = ball;
         result.behind = behind;
+        result.at_rim = at_rim;
+        result.beside_rim = light.beside_rim;
         if !rays.coded && look == Look::Whole {
             let rim_colour = ball.map(|light| light * at_rim);
             let moved = moved_by_another_curve(&rim_colour, &behind);

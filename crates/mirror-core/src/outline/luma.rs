@@ -65,7 +65,7 @@ pub(super) fn lens_blur_px(rays: &Rays<'_>, edges: &[RayEdge]) -> f64 {
 
 /// How far the lens' own blur, which mixes linear light, moves the covered length that is summed in levels, px.
 pub(super) fn lens_before_codec(edge: &RayEdge, lens_px: f64) -> f64 {
-    LENS_SHARE * lens_px * moved_by_light(&edge.ball, &edge.behind, &edge.channels)
+    LENS_SHARE * lens_px * moved_by_light(&edge.rim(), &edge.beside(), &edge.channels)
 }
 
 /// From the brightness between two colours to the share of the first's light: light mixes before it is encoded.
@@ -131,7 +131,7 @@ fn luma_edge(
     if !colour.found {
         return none;
     }
-    let Some(curve) = Curve::new(&colour.ball, &colour.behind) else { return none };
+    let Some(curve) = Curve::new(&colour.rim(), &colour.behind) else { return none };
     let (values, shade) = (rays.luma(ray), rays.shade(ray));
     let blur = lens_px.hypot(SAMPLING_BLUR_PX);
     let mut found = none;

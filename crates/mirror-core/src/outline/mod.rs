@@ -23,6 +23,7 @@
 //! | `circle`, `consensus` | a circle among points, as the start; the edges of one outline among others |
 //! | `shading`, `columns` | light on a sphere by its normal; its pixels by column |
 //! | `along` | light along a ray, of the ball and of the background; in coded pictures by the brightness too |
+//! | `glints` | in coded pictures: light that a glossy ball mirrors |
 //! | `hues`, `scatter` | in coded pictures: colours smoothed along the outline; the scatter of edges around it |
 //! | `sight`, `rays`, `edges`, `luma`, `blur` | where rays are sampled, the light along them, sub-pixel edges of the colour and of the brightness, and the blur that they show |
 //! | `curve` | levels and light; displacement where light mixes on another scale than the values are on: the codec's levels, a camera's tone curve |
@@ -50,6 +51,7 @@ mod drawn;
 mod edges;
 mod ghost;
 mod ghost_light;
+mod glints;
 mod hues;
 mod luma;
 mod own_colour;

@@ -5,6 +5,10 @@ use super::channels::Parted;
 /// Fewer rays with an edge than this make no outline.
 pub(super) const MIN_EDGE_POINTS: usize = 8;
 
+/// The ball's light at the rim is extrapolated: its change from the zone on counts by this power. Measured on drawn balls that are lit from one side: with 1 dark rims
+/// before shadows are drawn too far, with 0 all balls towards their lamp.
+const RIM_POWER: f64 = 0.6;
+
 /// Standard deviation of normal numbers by the median of their sizes.
 pub(super) const NORMAL_SPREAD: f64 = 1.4826;
 
@@ -33,4 +37,20 @@ pub(super) struct RayEdge {
     /// The two colours.
     pub ball: [f64; 3],
     pub behind: [f64; 3],
+    /// Their light at the edge against that of the zones in which they are read.
+    pub at_rim: f64,
+    pub beside_rim: f64,
+}
+
+impl RayEdge {
+    /// The ball's colour at the rim.
+    pub fn rim(&self) -> [f64; 3] {
+        let change = self.at_rim.powf(RIM_POWER);
+        self.ball.map(|value| value * change)
+    }
+
+    /// The background's colour at the edge.
+    pub fn beside(&self) -> [f64; 3] {
+        self.behind.map(|value| value * self.beside_rim)
+    }
 }

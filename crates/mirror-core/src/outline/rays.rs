@@ -1,6 +1,7 @@
 //! The light along rays from a ball's centre, and quantities read from it.
 
 use super::curve::level_of;
+use super::glints::take_off_glints;
 use super::patch::Patch;
 use super::shading::Shading;
 use super::sight::{STEP_PX, Sight};
@@ -66,6 +67,9 @@ impl<'a> Rays<'a> {
             if patch.coded {
                 luma.push(brightness);
             }
+        }
+        if patch.coded {
+            take_off_glints(sight, &shade.shade, &mut colours, &mut luma);
         }
         Self { sight, colours, luma, shade }
     }

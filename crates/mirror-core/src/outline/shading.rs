@@ -47,7 +47,7 @@ pub(super) struct Shading {
     terms: SVector<f64, TERMS>,
     /// Towards the lamp; zeros without a separate term.
     lamp: Vector3<f64>,
-    /// RMS of what the model leaves of the light, as a share of the light's; 0 where it was not fitted, or in levels.
+    /// RMS of what the model leaves of the light, as a share of the light's; 0 where it was not fitted.
     misfit: f64,
 }
 
@@ -292,11 +292,9 @@ impl Shading {
                 *weight = share / (1.0 + square / variance).powi(2);
             }
         }
-        if !levels {
-            let rest = pixels.rest(&found.terms);
-            let power: f64 = pixels.light().iter().map(|light| light * light).sum();
-            found.misfit = (rest.iter().map(|left| left * left).sum::<f64>() / power.max(1e-9)).sqrt();
-        }
+        let rest = pixels.rest(&found.terms);
+        let power: f64 = pixels.light().iter().map(|light| light * light).sum();
+        found.misfit = (rest.iter().map(|left| left * left).sum::<f64>() / power.max(1e-9)).sqrt();
         found.terms.iter().all(|t| t.is_finite()).then_some(found)
     }
 }
