@@ -8,6 +8,9 @@ import numpy as np
 
 from .arrays import Floats
 
+NEARLY_X = 0.8
+"""From this x component on an axis is tilted against y (the vocabulary's convention of `axis_tilt`)."""
+
 
 def rotation_of_rpy(rpy_rad: Floats) -> Floats:
     """`Rz(yaw) Ry(pitch) Rx(roll)`, URDF's fixed-axis angles."""
@@ -49,6 +52,14 @@ def rotation_of_vector(vector_rad: Floats) -> Floats:
     # sinc and its half-angle form are exact at 0.
     out: Floats = np.eye(3) + np.sinc(angle / np.pi) * k + 0.5 * np.sinc(0.5 * angle / np.pi) ** 2 * (k @ k)
     return out
+
+
+def tilt_directions(axis: Floats) -> tuple[Floats, Floats]:
+    """The two directions across a unit axis a in which it is tilted, `u = unit(a × e)`, `v = a × u`, e = x, or y where |a_x| ≥ 0.8 (docs/effects.md)."""
+    e = np.array([0.0, 1.0, 0.0]) if abs(axis[0]) >= NEARLY_X else np.array([1.0, 0.0, 0.0])
+    u = np.cross(axis, e)
+    u /= np.linalg.norm(u)
+    return u, np.cross(axis, u)
 
 
 def cross_matrix(vector: Floats) -> Floats:

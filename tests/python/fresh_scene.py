@@ -44,6 +44,8 @@ class Scene:
     corners_px: Array
     balls: list[Ball]
     rgb: Array
+    sun: Array
+    """Towards the sun, in the camera's frame."""
     coded: bytes | None = None
     bgr: Array = None
 
@@ -212,7 +214,9 @@ class Painter:
             bars = [self.hide(ball) for ball in balls]
             for ball in balls:
                 ball.visible = seen_share(ball, bars)
-        return Scene(look, self.camera, self.normal, self.offset, self.board, self.corners, balls, self.rgb)
+        return Scene(
+            look, self.camera, self.normal, self.offset, self.board, self.corners, balls, self.rgb, self.sun
+        )
 
     def draw_board(self) -> None:
         def edge(columns: float, rows: float) -> Array:

@@ -7,7 +7,7 @@ import pytest
 
 from fresh_looks import Look, jpeg
 from fresh_pictures import look_at, seed_of
-from fresh_scene import Painter, on_sensor, through_lens
+from fresh_scene import picture
 
 SCENES = 9
 
@@ -17,14 +17,8 @@ def errors_of(look: Look, name: str) -> tuple[np.ndarray, np.ndarray]:
     errors, squares = [], []
     for number in range(SCENES):
         seed = seed_of(name, number, 28)
-        painter = Painter(look, seed)
-        scene = painter.paint()
-        rgb = on_sensor(through_lens(scene, painter.rng), look, painter.rng)
-        assert look.code is not None
-        coded = look.code(rgb)
-        assert isinstance(coded, bytes)
-        scene.coded = coded
-        toward = painter.sun[:2] / np.hypot(*painter.sun[:2])
+        scene = picture(look, seed)
+        toward = scene.sun[:2] / np.hypot(*scene.sun[:2])
         views = {view.name: view for view in look_at(scene, np.random.default_rng(seed)).markers}
         for ball in scene.balls:
             view = views[ball.name]

@@ -117,16 +117,20 @@ class ByHand:
         return f"tolerance_m = {self.m}\n" + (f"tolerance_rad = {self.rad}\n" if turns else "")
 
 
-def _session(gravity_m_per_s2: float, hand: ByHand) -> str:
-    markers = "".join(
+def _markers(hand: ByHand) -> str:
+    """Their lines of session.toml."""
+    return "".join(
         f'[[markers]]\nname = "{name}"\nlink = "{name}"\ndiameter = 0.0\n{hand.line(turns=False)}'
         for name in MARKERS
     )
+
+
+def _session(gravity_m_per_s2: float, hand: ByHand) -> str:
     mount = hand.line(turns=True)
     return (
         'format = "mirror-posture/session"\nversion = 1\nrobot = "robot.urdf"\ncamera = "camera.yaml"\nroot = "base"\n'
         f'gravity = [0.0, 0.0, {gravity_m_per_s2}]\n[camera_mount]\nlink = "camera"\n{mount}'
-        f'[board]\nlink = "board"\ncorners = [{CORNERS[0]}, {CORNERS[1]}]\nsquare = {SQUARE_M}\n{mount}{markers}[mirror]\nglass_thickness = 0.0\n'
+        f'[board]\nlink = "board"\ncorners = [{CORNERS[0]}, {CORNERS[1]}]\nsquare = {SQUARE_M}\n{mount}{_markers(hand)}[mirror]\nglass_thickness = 0.0\n'
     )
 
 
@@ -278,14 +282,10 @@ def write_tracked(
             f"{number},{name},{x:.7f},{y:.7f},{z:.7f}" for name, (x, y, z) in zip(MARKERS, seen, strict=True)
         ]
     folder.mkdir(parents=True)
-    markers = "".join(
-        f'[[markers]]\nname = "{name}"\nlink = "{name}"\ndiameter = 0.0\n{hand.line(turns=False)}'
-        for name in MARKERS
-    )
     (folder / "robot.urdf").write_text(_urdf(), encoding="utf-8")
     (folder / "session.toml").write_text(
         'format = "mirror-posture/session"\nversion = 1\nrobot = "robot.urdf"\nroot = "base"\ngravity = [0.0, 0.0, -9.81]\n'
-        f'{markers}[points]\nframe = "unknown"\n[noise]\npoint_std = {std_m}\n',
+        f'{_markers(hand)}[points]\nframe = "unknown"\n[noise]\npoint_std = {std_m}\n',
         encoding="utf-8",
     )
     (folder / "frames.csv").write_text("\n".join(frames) + "\n", encoding="utf-8")

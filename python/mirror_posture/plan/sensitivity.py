@@ -18,7 +18,7 @@ from ..arrays import Floats, Mask
 from ..mirror import IDEAL_MIRROR
 from ..optics import SeenInMirror, see_in_mirror
 from ..robot import Joint
-from ..rotations import cross_matrix, rotation_of_vector
+from ..rotations import cross_matrix, rotation_of_vector, tilt_directions
 from .causes import Cause, Moment
 from .options import MirrorPlace
 from .setting import Setting
@@ -144,9 +144,7 @@ class Sensitivity:
             )  # fmt: skip
         add("drift", at, ("rate_rad_per_s",), (0.03 / length_s,), lambda m: along * m.time_s)
         if turns:
-            e = np.array([0.0, 1.0, 0.0]) if abs(axis[0]) >= 0.8 else np.array([1.0, 0.0, 0.0])
-            u = np.cross(axis, e) / np.linalg.norm(np.cross(axis, e))
-            v = np.cross(axis, u)
+            u, v = tilt_directions(axis)
 
             def tilt(direction: Floats) -> Basis:
                 # The axis leans towards `direction`: a turn w of the frame before the motion, and back after it.

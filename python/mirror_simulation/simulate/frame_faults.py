@@ -9,7 +9,7 @@ import numpy as np
 
 from mirror_posture import MirrorPostureError
 from mirror_posture.arrays import Floats
-from mirror_posture.rotations import pose_of
+from mirror_posture.rotations import pose_of, tilt_directions
 
 from .changed import Changed, Values
 from .joint_faults import PART_ARMATURE_KGM2, set_spring
@@ -59,7 +59,9 @@ def link_length(changed: Changed, name: str, value: Values) -> tuple[str, str]:
 
 def axis_tilt(changed: Changed, name: str, value: Values) -> tuple[str, str]:
     joint = changed.joint(name)
-    axis, u, v = _across(joint)
+    axis = np.asarray(joint.axis, float)
+    axis = axis / np.linalg.norm(axis)
+    u, v = tilt_directions(axis)
     tilted = axis + np.tan(value.get("tilt_1_rad", 0.0)) * u + np.tan(value.get("tilt_2_rad", 0.0)) * v
     joint.axis = tilted / np.linalg.norm(tilted)
     return name, "axis tilted"
@@ -73,22 +75,13 @@ def link_twist(changed: Changed, name: str, value: Values) -> tuple[str, str]:
         )
     (body,) = carried
     joint = body.joints[0]
-    _, u, v = _across(joint)
+    axis = np.asarray(joint.axis, float)
+    u, v = tilt_directions(axis / np.linalg.norm(axis))
     turn = pose_of(value.get("twist_1_rad", 0.0) * u + value.get("twist_2_rad", 0.0) * v, np.zeros(3))
     there = np.eye(4)
     there[:3, 3] = np.asarray(joint.pos, float)
     _place(body, _pose(body) @ there @ turn @ np.linalg.inv(there))
     return body.name, f"turned before joint {joint.name}"
-
-
-def _across(joint: Any) -> tuple[Floats, Floats, Floats]:
-    """A joint's unit axis a and the two directions across it: `u = unit(a × e)`, `v = a × u` (docs/effects.md)."""
-    axis = np.asarray(joint.axis, float)
-    axis = axis / np.linalg.norm(axis)
-    e = np.array([1.0, 0.0, 0.0]) if abs(axis[0]) < 0.8 else np.array([0.0, 1.0, 0.0])
-    u = np.cross(axis, e)
-    u /= np.linalg.norm(u)
-    return axis, u, np.cross(axis, u)
 
 
 def marker_mount(changed: Changed, name: str, value: Values) -> tuple[str, str]:

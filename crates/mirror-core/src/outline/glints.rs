@@ -1,11 +1,12 @@
 //! Mirrored light on coloured balls: white, and so told from the ball's own.
 //!
-//! A colour in light is `c = a B + w (1, 1, 1)`, B the ball's own. By least squares `w = (|B|² Σc − ΣB (c · B)) / (3 |B|² − (ΣB)²)`. A lamp that a glossy ball mirrors
+//! A colour in light is `c = a B + w (1, 1, 1)`, B the ball's own, by least squares (`unmixing`). A lamp that a glossy ball mirrors
 //! (Shafer, "Using color to separate reflection components", 1985) is brighter than the ball's light by its normal and has a large w; a lamp that lights a matt ball
 //! has none. Left in, it is taken for the ball's light at the rim, and draws the edge.
 
 use super::curve::light_of;
 use super::sight::Sight;
+use super::unmixing::Unmixing;
 use crate::statistics::median;
 
 /// White light from this share of the ball's mean channel on is mirrored, where it is brighter than the ball's light by the second.
@@ -19,33 +20,12 @@ const CLEAR_PX: f64 = 1.75;
 /// Fewer samples show no usual colour.
 const LEAST_SAMPLES: usize = 8;
 
-/// How much white light is in a colour of a ball.
-pub(super) struct White {
-    own: [f64; 3],
-    power: f64,
-    sum: f64,
-    scale: f64,
-}
-
-impl White {
-    /// By the ball's own colour, in light; None where that is nearly white.
-    pub fn beside(own: &[f64; 3]) -> Option<Self> {
-        let (power, sum): (f64, f64) = (own.iter().map(|c| c * c).sum(), own.iter().sum());
-        let free = 3.0 * power - sum * sum;
-        (free > LEAST_COLOUR * 3.0 * power && sum > 0.0).then(|| Self {
-            own: *own,
-            power,
-            sum,
-            scale: 3.0 / (free * sum),
-        })
-    }
-
-    /// Whether a colour, in light, holds mirrored light.
-    pub fn is_in(&self, colour: &[f64; 3]) -> bool {
-        let along: f64 = colour.iter().zip(&self.own).map(|(a, b)| a * b).sum();
-        let all: f64 = colour.iter().sum();
-        (self.power * all - self.sum * along) * self.scale > LEAST_WHITE
-    }
+/// Whether a colour of a ball, in light, holds mirrored light; by the ball's own colour, None where that is nearly white.
+fn mirrors_in(own: &[f64; 3]) -> Option<impl Fn(&[f64; 3]) -> bool + use<>> {
+    let mixture = Unmixing::new(*own, [1.0; 3])?;
+    let least = LEAST_WHITE * own.iter().sum::<f64>() / 3.0;
+    (mixture.squared_sine() > LEAST_COLOUR)
+        .then_some(move |colour: &[f64; 3]| mixture.parts(colour).1 > least)
 }
 
 /// The inner parts of rays in a coded picture without glints: there colour and brightness (levels) become the ball's usual ones in the light of its shading;
@@ -60,7 +40,7 @@ pub(super) fn take_off_glints(sight: &Sight, shade: &[f64], colours: &mut [[f64;
         return;
     }
     let own: [f64; 3] = core::array::from_fn(|channel| usual(&|at| colours[at][channel]));
-    let Some(white) = White::beside(&own.map(light_of)) else { return };
+    let Some(mirrored) = mirrors_in(&own.map(light_of)) else { return };
     let usual_luma = usual(&|at| luma[at]);
     for ray in 0..sight.direction.len() {
         let own_alone = certain(ray).end;
@@ -69,8 +49,8 @@ pub(super) fn take_off_glints(sight: &Sight, shade: &[f64], colours: &mut [[f64;
         for i in clear.clone() {
             let at = ray * samples + i;
             let bright = luma[at] > usual_luma * shade[at] * LEAST_EXCESS;
-            let glint = bright
-                && if i < own_alone { white.is_in(&colours[at].map(light_of)) } else { begun.is_some() };
+            let glint =
+                bright && if i < own_alone { mirrored(&colours[at].map(light_of)) } else { begun.is_some() };
             if glint {
                 begun.get_or_insert(at);
             } else if let Some(first) = begun.take() {
@@ -86,17 +66,17 @@ pub(super) fn take_off_glints(sight: &Sight, shade: &[f64], colours: &mut [[f64;
 #[cfg(test)]
 #[allow(clippy::unwrap_used)]
 mod tests {
-    use super::White;
+    use super::mirrors_in;
 
     #[test]
     fn white_light_is_told_from_more_light_on_a_coloured_ball() {
         let own = [0.02, 0.05, 0.4];
-        let white = White::beside(&own).unwrap();
-        assert!(!white.is_in(&own.map(|c| 3.0 * c)));
-        assert!(!white.is_in(&own.map(|c| 0.2 * c)));
-        assert!(white.is_in(&own.map(|c| c + 0.02)));
-        assert!(!white.is_in(&own.map(|c| c + 0.004)));
-        assert!(White::beside(&[0.4, 0.42, 0.41]).is_none());
-        assert!(White::beside(&[0.0; 3]).is_none());
+        let mirrored = mirrors_in(&own).unwrap();
+        assert!(!mirrored(&own.map(|c| 3.0 * c)));
+        assert!(!mirrored(&own.map(|c| 0.2 * c)));
+        assert!(mirrored(&own.map(|c| c + 0.02)));
+        assert!(!mirrored(&own.map(|c| c + 0.004)));
+        assert!(mirrors_in(&[0.4, 0.42, 0.41]).is_none());
+        assert!(mirrors_in(&[0.0; 3]).is_none());
     }
 }

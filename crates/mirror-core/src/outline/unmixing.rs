@@ -45,6 +45,11 @@ impl Unmixing {
         telling.then_some(Self { ball, behind, bb, bg, gg, black, rows, less })
     }
 
+    /// Squared sine of the angle between the two colours.
+    pub fn squared_sine(&self) -> f64 {
+        1.0 - self.bg * self.bg / (self.bb * self.gg)
+    }
+
     /// Noise of a colour as noise of the coverage `trust s + (1 − trust)(1 − w)`.
     pub fn contrast(&self, trust: f64) -> f64 {
         if self.black {

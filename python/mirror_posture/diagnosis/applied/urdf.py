@@ -8,15 +8,13 @@ import numpy as np
 
 from ..._core import MirrorPostureError
 from ...arrays import Floats
-from ...rotations import nearest_rpy, rotation_of_rpy, rotation_of_vector
+from ...rotations import nearest_rpy, pose_of, rotation_of_rpy, rotation_of_vector, tilt_directions
 from .xml_text import Element, XmlText
 
 ZERO = (0.0, 0.0, 0.0)
 UNCHANGED = 1e-10
 """rad or m: what differs by less is rounding, and stays as it was written."""
 TURNING = ("revolute", "continuous")
-NEARLY_X = 0.8
-"""From this x component on an axis is tilted against y (the vocabulary's convention of `axis_tilt`)."""
 
 
 class Urdf:
@@ -127,17 +125,10 @@ class Urdf:
 
     def tilt_axis(self, name: str, tilt_1_rad: float, tilt_2_rad: float) -> None:
         """The real axis is `unit(a + tan(tilt_1) u + tan(tilt_2) v)`, `u = unit(a × e)`, `v = a × u`."""
-        a, (u, v) = self.axis(name), self.across(name)
+        a = self.axis(name)
+        u, v = tilt_directions(a)
         real = a + math.tan(tilt_1_rad) * u + math.tan(tilt_2_rad) * v
         self.set_axis(name, real / np.linalg.norm(real))
-
-    def across(self, name: str) -> tuple[Floats, Floats]:
-        """The two directions across a joint's axis a: `u = unit(a × e)`, `v = a × u`, in the joint's frame."""
-        a = self.axis(name)
-        e = np.array([0.0, 1.0, 0.0]) if abs(a[0]) >= NEARLY_X else np.array([1.0, 0.0, 0.0])
-        u = np.cross(a, e)
-        u /= np.linalg.norm(u)
-        return u, np.cross(a, u)
 
     def turn_carried(self, link: str, twist_1_rad: float, twist_2_rad: float) -> str | None:
         """Turns the origin of the moving joint that a rigid body carries by `exp(twist_1 u + twist_2 v)`, u and v across its axis;
@@ -146,10 +137,9 @@ class Urdf:
         if len(carried) != 1:
             return None
         (name,) = carried
-        u, v = self.across(name)
-        motion = np.eye(4)
-        motion[:3, :3] = rotation_of_vector(twist_1_rad * u + twist_2_rad * v)
-        self.set_origin(name, self.origin(name) @ motion)
+        u, v = tilt_directions(self.axis(name))
+        turn = pose_of(twist_1_rad * u + twist_2_rad * v, np.zeros(3))
+        self.set_origin(name, self.origin(name) @ turn)
         return name
 
     def shift_carried(self, link: str, shift_in_link_m: Floats) -> list[str]:

@@ -162,9 +162,10 @@ pub(crate) fn body_twist(
         }
         Atom::Rock(n, k) => {
             let directions = &scene.body.nodes[n].tilt_directions;
-            let turned = deformation.rock(frame, n).map(|r| directions[0] * r.x + directions[1] * r.y);
-            let omega = turned.map_or(directions[k], |r| after_turn(&r, &directions[k]));
-            Some(Twist::about(&poses.origin[n], poses.world_from_joint[n] * omega))
+            let rock = deformation.rock(frame, n).copied().unwrap_or_default();
+            let turned = directions[0] * rock.x + directions[1] * rock.y;
+            let omega = poses.world_from_joint[n] * after_turn(&turned, &directions[k]);
+            Some(Twist::about(&poses.origin[n], omega))
         }
         Atom::LinkShift(n, k) => {
             let axis = Vector3::ith_axis(k).into_inner();
