@@ -15,6 +15,7 @@ import pytest
 import mirror_posture as mp
 from mirror_posture.diagnosis import Diagnosis, diagnose
 from mirror_posture.diagnosis.applied import apply_diagnosis
+from mirror_posture.diagnosis.page import write_report
 from twisted_arm import ByHand, Numbers, Wrong, write_tracked, write_wrong
 
 MOUNTS = {"board_mount", "camera_mount", "marker_mount", "geometry"}
@@ -104,6 +105,10 @@ def test_the_corrected_urdf_has_the_turned_origin_and_no_gap(tmp_path: Path) -> 
     # Small angles of fixed axes: the rotation vector, to the product of two of them.
     np.testing.assert_allclose([float(angle) for angle in written[2].split()], twist_rad, atol=2e-3)
     assert diagnose(applied.folder).verdict == "none"
+    (tmp_path / "page").mkdir()
+    page = write_report(session, found, tmp_path / "page").read_text(encoding="utf-8")
+    assert "the joint is turned at its origin, about two directions across its axis" in page
+    assert "bent in its middle" not in page
 
 
 def test_the_simulator_s_body_moves_as_the_corrected_urdf(tmp_path: Path) -> None:

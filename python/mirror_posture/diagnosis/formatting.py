@@ -205,9 +205,14 @@ TRACKS = {
 """The quantity of a track, by kind of place and error."""
 
 
-def track_caption(at: str, what: str) -> str:
-    """What a track shows."""
-    return TRACKS[at.partition(":")[0], what] + "; each component by itself, all else as the model has it."
+ROCK = "By how much the joint is turned at its origin, about two directions across its axis"
+
+
+def track_caption(at: str, what: str, components: int) -> str:
+    """What a track of so many components shows: a link bends about three axes, and turns its joint about two."""
+    rocks = what == "turn" and components == 2
+    quantity = ROCK if rocks else TRACKS[at.partition(":")[0], what]
+    return f"{quantity}; each component by itself, all else as the model has it."
 
 
 def field_caption(over: str, compared: bool) -> str:

@@ -141,7 +141,7 @@ def signature_panels(found: Diagnosis) -> list[Panel]:
             t.cause,
             t.at,
             title(t.cause, t.at),
-            formatting.track_caption(t.at, t.what),
+            formatting.track_caption(t.at, t.what, len(t.components)),
             draw_track(t, k),
         )
         for k, t in enumerate(found.tracks)
