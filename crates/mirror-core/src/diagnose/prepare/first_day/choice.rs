@@ -9,6 +9,7 @@
 
 use super::alternatives::Session;
 use super::chain::{Chain, FRAMES, spread, unlike};
+use super::coupled::coupled;
 use super::lost::free_columns;
 use super::misfit::Misfit;
 use super::mistake::Mistake;
@@ -88,6 +89,7 @@ pub(super) fn chosen(
             weighed.add(chain)?;
         }
     };
+    let coupling = weighed.beside_a_coupling(&mut values, &mut log_odds, sought)?;
     weighed.with_markers_in_place(&mut values, &mut log_odds)?;
     let best = (0..log_odds.len()).max_by(|&a, &b| log_odds[a].total_cmp(&log_odds[b])).unwrap_or(0);
     let mistakes = weighed.with_delays(best);
@@ -104,7 +106,7 @@ pub(super) fn chosen(
         (0..tried.len()).filter(|&i| i != best).map(|i| log_odds[i] - log_odds[best]).collect();
     let probability = against(&others);
     let of = |i: usize| probability * (TEMPER * (log_odds[i] - log_odds[best])).exp();
-    let small = fits[0].as_ref().and_then(Tolerant::largest);
+    let small = coupling.or_else(|| fits[0].as_ref().and_then(Tolerant::largest));
     // A chain of one mistake that is not out of the question, as it would be reported.
     let alone = |i: usize| {
         let one = tried[i].mistakes.first().filter(|_| tried[i].mistakes.len() == 1);
@@ -231,6 +233,42 @@ impl<'a> Weighed<'a> {
             log_odds[i] += gained;
         }
         Ok(())
+    }
+
+    /// Where a mistake seems the most probable: gives none of them the likeliest coupling beside all small errors, if that is
+    /// more probable, also than the mistake with a coupling of its own. Returns the coupling's name and place.
+    fn beside_a_coupling(
+        &mut self,
+        values: &mut Vec<f64>,
+        log_odds: &mut Vec<f64>,
+        sought: bool,
+    ) -> Result<Option<(String, String)>> {
+        let best = (0..log_odds.len()).max_by(|&a, &b| log_odds[a].total_cmp(&log_odds[b])).unwrap_or(0);
+        let least = self.session.problem.noise;
+        let beside = |fit: &Option<Tolerant>| fit.as_ref().map_or(Ok(None), |fit| coupled(fit, least));
+        if best == 0 {
+            return Ok(None);
+        }
+        let Some(mut of_none) = beside(&self.fits[0])? else { return Ok(None) };
+        let noise = smaller(self.noise(), of_none.fit.noise);
+        let prior = log_prior(&self.chains[best].mistakes, sought);
+        let rival = self.fits[best].as_mut().map_or(Ok(f64::NEG_INFINITY), |fit| fit.log_evidence(noise))?;
+        let odds = of_none.fit.log_evidence(noise)? + of_none.log_prior;
+        if odds <= rival + prior {
+            return Ok(None);
+        }
+        if let Some(mut with_mistake) = beside(&self.fits[best])? {
+            let noise = smaller(noise, with_mistake.fit.noise);
+            let rival = with_mistake.fit.log_evidence(noise)? + with_mistake.log_prior + prior;
+            if of_none.fit.log_evidence(noise)? + of_none.log_prior <= rival {
+                return Ok(None);
+            }
+        }
+        self.fits[0] = Some(of_none.fit);
+        (*values, *log_odds) = self.log_odds(sought);
+        values[0] += of_none.log_prior;
+        log_odds[0] += of_none.log_prior;
+        Ok(Some(of_none.told))
     }
 
     /// Log evidence of each chain at the smallest noise that any of them leaves, and the same with the mistakes' prior.

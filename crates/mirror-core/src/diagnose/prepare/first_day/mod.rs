@@ -23,6 +23,7 @@ mod by_frame;
 mod chain;
 mod changes;
 mod choice;
+mod coupled;
 mod exchanges;
 mod frame_beside;
 mod free_numbers;

@@ -12,6 +12,7 @@ use crate::diagnose::effects::{Place, vocabulary};
 use crate::diagnose::likelihood::covariance::Covariance;
 use crate::diagnose::likelihood::fit::{Fit, FitOptions, Group, fit};
 use crate::diagnose::likelihood::noise::SETTLED;
+use crate::diagnose::likelihood::score_test::{Score, screen};
 use crate::diagnose::model::deformation::Deformation;
 use crate::diagnose::model::elementary::Column;
 use crate::diagnose::model::frame::{FrameWork, Task};
@@ -180,6 +181,19 @@ impl Tolerant {
         };
         out.settle(least)?;
         Ok(out)
+    }
+
+    /// The likeliest of some causes beside all small errors, by the score test, with its log Bayes factor.
+    ///
+    /// # Errors
+    /// Invalid parameters of camera or mirror.
+    pub fn likeliest(&self, causes: &Catalogue) -> Result<Option<(Term, f64)>> {
+        let mask = Some(self.mask.as_slice());
+        let screening = screen(&self.problem, causes, &self.group, &self.model, self.noise, mask)?;
+        Ok(screening.scores.into_iter().next().map(|best| {
+            let Score { hypothesis, variant, parameters, log_bayes, .. } = best;
+            (Term { hypothesis, variant, parameters, prior_scale: 1.0 }, log_bayes)
+        }))
     }
 
     /// The column of the small error of an effect at a place, and its value.
