@@ -17,6 +17,7 @@ TUBE_M = 1.5
 ARM_KG, CARRIAGE_KG = 25.0, 10.0
 REACH_M, CENTRE_M = 0.9, 0.5
 NOISE_M = 0.0005
+READ_M_PER_S2 = 0.01
 URDF = f"""<robot name="lift">
 <link name="base"/>
 <link name="middle"/>
@@ -63,17 +64,23 @@ def rotation(vector: Floats) -> Floats:
     return np.eye(3) + np.sin(angle) * k + (1.0 - np.cos(angle)) * (k @ k)
 
 
-def marker(
-    lift_1: float, lift_2: float, turn: float, elbow: float, softness: tuple[float, float], play_rad: float
-) -> Floats:
-    """Where the tool's marker is. `softness` is the inverse bending stiffness of one tube about x and y, 1/(N m²); `play_rad` the guide's whole
-    play about y when half of the innermost tube is out."""
+def stands(
+    lift_1: float,
+    lift_2: float,
+    turn: float,
+    elbow: float,
+    softness: tuple[float, float],
+    play_rad: float,
+    ground_rad_per_nm: tuple[float, float] = (0.0, 0.0),
+) -> tuple[Floats, Floats]:
+    """Where the tool's marker is, and the turn of the arm. `softness` is the inverse bending stiffness of one tube about x and y, 1/(N m²);
+    `play_rad` the guide's whole play about y when half of the innermost tube is out; `ground_rad_per_nm` by what the floor yields about x and y."""
     toward = np.array([np.cos(turn), np.sin(turn), 0.0])
     moment = np.cross(CENTRE_M * toward, [0.0, 0.0, -9.81 * ARM_KG])
     out = lift_1 + lift_2
     slices, length = 150, TUBE_M + out
     step = length / slices
-    at, r = np.zeros(3), np.eye(3)
+    at, r = np.zeros(3), rotation(moment * [*ground_rad_per_nm, 0.0])
     begins = (0.0, lift_1, out)
     guide = (out + lift_1 + TUBE_M) / 2.0
     for i in range(slices):
@@ -88,7 +95,7 @@ def marker(
         at = at + r @ np.array([0.0, 0.0, step])
     hand = np.array([REACH_M + 0.5 * np.cos(elbow), 0.0, -0.5 * np.sin(elbow)])
     about = np.array([[np.cos(turn), -np.sin(turn), 0.0], [np.sin(turn), np.cos(turn), 0.0], [0.0, 0.0, 1.0]])
-    return at + r @ (about @ hand)
+    return at + r @ about @ hand, r @ about
 
 
 def write_column(
@@ -97,15 +104,21 @@ def write_column(
     softness: tuple[float, float] = (2e-5, 4e-5),
     play_rad: float = 0.004,
     postures: int = 160,
+    ground_rad_per_nm: tuple[float, float] = (0.0, 0.0),
+    sensor: bool = False,
 ) -> Path:
-    """A session of random postures before a tracker that stands anywhere."""
+    """A session of random postures before a tracker that stands anywhere; `sensor`: an accelerometer on the arm."""
     rng = np.random.default_rng(seed)
     away, shift = rotation(np.array([0.1, -0.2, 1.1])), np.array([3.0, -2.0, 0.5])
     frames, points = ["frame,posture,time_s,lift_1,lift_2,turn,elbow"], ["frame,marker,x,y,z"]
+    if sensor:
+        frames[0] += "".join(f",accelerometer:arm:{axis}" for axis in "xyz")
     for number in range(postures):
         q = rng.uniform([0.0, 0.0, -3.0, -1.4], [1.15, 1.15, 3.0, 1.4])
-        seen = away @ marker(*map(float, q), softness, play_rad) + shift + rng.normal(0.0, NOISE_M, 3)
-        frames.append(f"{number},{number},{3.0 * number},{','.join(map(repr, map(float, q)))}")
+        at, arm = stands(*map(float, q), softness, play_rad, ground_rad_per_nm)
+        seen = away @ at + shift + rng.normal(0.0, NOISE_M, 3)
+        read = 9.81 * arm[2] + rng.normal(0.0, READ_M_PER_S2, 3) if sensor else []
+        frames.append(f"{number},{number},{3.0 * number},{','.join(map(repr, map(float, [*q, *read])))}")
         points.append(f"{number},tool,{','.join(map(repr, map(float, seen)))}")
     folder.mkdir()
     (folder / "robot.urdf").write_text(URDF, encoding="utf-8")

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 import mirror_posture as mp
-from lifting_column import TUBE_M, write_column
+from lifting_column import READ_M_PER_S2, TUBE_M, write_column
 
 
 def test_bending_that_grows_with_extension_and_play_in_tilt_are_told_apart(tmp_path: Path) -> None:
@@ -40,3 +40,16 @@ def test_play_alone_is_no_bending_and_a_stiff_column_is_nothing(tmp_path: Path) 
     assert [cause.effect for cause in play.causes] == ["tilt_play_1"]
     stiff = mp.diagnose(write_column(tmp_path / "stiff", 4, (0.0, 0.0), play_rad=0.0))
     assert stiff.verdict == "none" and not stiff.causes
+
+
+def test_a_floor_that_yields_is_told_and_the_arms_accelerometer_agrees(tmp_path: Path) -> None:
+    found = mp.diagnose(
+        write_column(tmp_path / "soft", 5, (0.0, 0.0), 0.0, ground_rad_per_nm=(4e-5, 8e-5), sensor=True)
+    )
+    assert [cause.effect for cause in found.causes] == ["transverse_compliance"]
+    (witness,) = found.document["accelerometer_witness"]
+    assert witness["named"]
+    # Two axes across the direction each have the noise.
+    noise_rad = READ_M_PER_S2 / 9.81 * np.sqrt(2.0)
+    assert witness["before_rad"] > 4.0 * noise_rad
+    assert witness["after_rad"] < 1.2 * noise_rad

@@ -21,6 +21,7 @@ import numpy as np
 from .._core import rms_angles
 from ..arrays import Floats, Integers, Mask
 from ..robot import Robot
+from ..rotations import tilt_directions
 from ..session import Session
 from .applied.apply import parts_of
 from .applied.urdf import Urdf
@@ -32,6 +33,8 @@ IN_URDF = ("link_twist", "axis_tilt", "joint_offset")
 real axis."""
 LENGTH_OFF = 0.05
 """A median length that differs from |g| by this share is more than a sensor's scale: a wrong unit, most likely."""
+ACROSS = 2
+"""Components of a turn that is told about the two directions across a joint's axis; others are in the link's frame."""
 FEWEST_FOR_MOUNT = 4
 """Frames: with fewer, the mounting's three angles can absorb most of the two directions of each."""
 POINTS_DOWN = 0.5
@@ -161,8 +164,11 @@ class _Errors:
             if track.cause is None or found.causes[track.cause].effect in IN_URDF:
                 continue
             if track.what == "turn" and link in joint_of_link:
+                joint = joint_of_link[link]
                 by_frame = _by_frame(session, track.frame, track.fitted)
-                bend[joint_of_link[link]] = bend.get(joint_of_link[link], 0.0) + by_frame
+                if len(track.components) == ACROSS:
+                    by_frame = by_frame @ np.array(tilt_directions(urdf.axis(joint)))
+                bend[joint] = bend.get(joint, 0.0) + by_frame
         robot = Robot.from_urdf_text(urdf.text()) if corrected else session.robot
         return cls(robot, frozenset(corrected), turn, bend)
 
