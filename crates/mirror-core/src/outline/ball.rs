@@ -216,8 +216,8 @@ impl Aim {
                 (point, together[i])
             })
             .unzip();
-        let smoothed = patch.smoothing_px;
-        let unsmoothed = (blur.mean_px().powi(2) - smoothed * smoothed).max(1.0).sqrt();
+        let smoothed = patch.noise.correlation_px();
+        let unsmoothed = (blur.mean_px().powi(2) - patch.noise.smoothing_px.powi(2)).max(1.0).sqrt();
         let wide = blur.mean_px().max(1.0);
         // The coarser a codec has made the colour, the longer is the correlation of its errors; and where other
         // objects hide a part of the outline, they disturb some of the rest too.

@@ -16,7 +16,8 @@
 //! | file | what |
 //! | --- | --- |
 //! | `ball` | the whole measurement of one ball |
-//! | `patch` | a cut-out of the picture, prepared: linear light, or levels at the colour's resolution; noise |
+//! | `patch` | a cut-out of the picture, prepared: linear light, or levels at the colour's resolution |
+//! | `picture_noise` | how much noise a picture has, how far it is correlated, how much it is smoothed |
 //! | `regions` | regions of the markers' colours, all in one pass |
 //! | `codec` | which pixels share a colour, where the file does not say it |
 //! | `codec_error`, `surroundings`, `recoding` | what a coarse JPEG's rounding does to a centre; surroundings coded once more on a moved grid |
@@ -58,6 +59,7 @@ mod own_colour;
 mod patch;
 mod pattern_curve;
 mod pattern_rows;
+mod picture_noise;
 mod ray_edge;
 mod rays;
 mod recoding;

@@ -2,14 +2,11 @@
 
 use super::circle::Circle;
 use super::curve::CURVE_DOUBT;
+use super::picture_noise::{Noise, smooth};
 use crate::error::{Error, Result};
 use nalgebra::Vector2;
 use std::sync::LazyLock;
 
-/// Noise from which a picture is smoothed before edges are read (levels): by more where its values differ by less than so much. The most that it is smoothed (px).
-const NOISY_LEVELS: f64 = 6.0;
-const USUAL_SPREAD_LEVELS: f64 = 60.0;
-const MOST_SMOOTHING_PX: f64 = 1.4;
 /// The codec's blocks of colour are at most so many pixels wide.
 const BLOCK_PX: usize = 4;
 /// A ball's patch extends this far beyond it: a share of its radius and some px more; its sides are at least so long.
@@ -168,8 +165,8 @@ pub(super) struct Patch {
     /// 0..1, as sharp as the codec has it; only where `coded`.
     pub pixels: Vec<[f32; 4]>,
     pub coded: bool,
-    /// Standard deviation by which a noisy picture was smoothed, px.
-    pub smoothing_px: f64,
+    /// What was done about its noise.
+    pub noise: Noise,
 }
 
 impl Patch {
@@ -188,15 +185,8 @@ impl Patch {
     /// Of levels (blue, green, red) at a place of a picture like this one.
     pub fn of(levels: Vec<[u8; 3]>, place: &Place, picture: &Picture<'_>) -> Self {
         let (width, height, chroma_step) = (place.width, place.height, picture.chroma_step);
-        let noise = noise_levels(&levels, width, height);
-        // The covered length does not mind a blur, and noise does.
-        let smoothing = if noise > NOISY_LEVELS {
-            let spread = spread_levels(&levels).clamp(1.0, USUAL_SPREAD_LEVELS);
-            MOST_SMOOTHING_PX.min(0.5 * noise / NOISY_LEVELS * USUAL_SPREAD_LEVELS / spread)
-        } else {
-            0.0
-        };
         let coded = chroma_step != (1, 1);
+        let noise = Noise::of(&levels, (width, height), coded);
         let mut pixels: Vec<[f32; 4]> = if coded {
             let luma: Vec<f32> = levels.iter().map(|p| luma_of(p) / 255.0).collect();
             at_chroma_resolution(&levels, &luma, width, height, chroma_step)
@@ -205,24 +195,16 @@ impl Patch {
             let of = |level: u8| table[usize::from(level)];
             levels.iter().map(|[b, g, r]| [of(*b), of(*g), of(*r), 0.0]).collect()
         };
-        if smoothing > 0.0 {
+        if noise.smoothing_px > 0.0 {
             for channel in 0..if coded { 4 } else { 3 } {
                 let mut plane: Vec<f32> = pixels.iter().map(|p| p[channel]).collect();
-                smooth(&mut plane, width, height, smoothing);
+                smooth(&mut plane, width, height, noise.smoothing_px);
                 for (pixel, value) in pixels.iter_mut().zip(plane) {
                     pixel[channel] = value;
                 }
             }
         }
-        Self {
-            left: place.left as f64,
-            top: place.top as f64,
-            width,
-            height,
-            pixels,
-            coded,
-            smoothing_px: smoothing,
-        }
+        Self { left: place.left as f64, top: place.top as f64, width, height, pixels, coded, noise }
     }
 
     /// The pixel of a place in the patch.
@@ -276,52 +258,6 @@ fn luma_of(bgr: &[u8; 3]) -> f32 {
     0.114 * f32::from(bgr[0]) + 0.587 * f32::from(bgr[1]) + 0.299 * f32::from(bgr[2])
 }
 
-/// How far apart the darkest and the brightest tenth of the values of a channel are, levels; of the channel where that is most.
-fn spread_levels(levels: &[[u8; 3]]) -> f64 {
-    let tenth = levels.len() / 10;
-    let of_channel = |channel: usize| {
-        let mut counts = [0usize; 256];
-        for pixel in levels {
-            counts[usize::from(pixel[channel])] += 1;
-        }
-        let below = |most: usize| {
-            let mut sum = 0;
-            counts.iter().position(|count| {
-                sum += count;
-                sum > most
-            })
-        };
-        let (low, high) = (below(tenth), below(levels.len() - tenth.min(levels.len())));
-        high.unwrap_or(255).saturating_sub(low.unwrap_or(0))
-    };
-    (0..3).map(of_channel).max().unwrap_or(0) as f64
-}
-
-/// Standard deviation of the noise of a channel, levels: the median of mixed differences, which shading and edges hardly touch.
-fn noise_levels(levels: &[[u8; 3]], width: usize, height: usize) -> f64 {
-    if width < 3 || height < 3 {
-        return 0.0;
-    }
-    let mut counts = [0u32; 1021];
-    for (here, below) in levels.chunks_exact(width).zip(levels[width..].chunks_exact(width)) {
-        for (here, below) in here.windows(2).zip(below.windows(2)) {
-            let rise = |pair: &[[u8; 3]]| i32::from(pair[1][1]) - i32::from(pair[0][1]);
-            counts[(rise(below) - rise(here)).unsigned_abs() as usize] += 1;
-        }
-    }
-    // The median within its level, as if the levels' values were spread evenly.
-    let half = 0.5 * ((width - 1) * (height - 1)) as f64;
-    let mut below = 0.0;
-    for (level, count) in counts.iter().enumerate() {
-        let count = f64::from(*count);
-        if below + count >= half && count > 0.0 {
-            return level as f64 / 0.6745 / 2.0;
-        }
-        below += count;
-    }
-    0.0
-}
-
 /// Levels (0..1) with the brightness averaged over the blocks that share a colour, and interpolated between them as decoders do with the colour; last the brightness.
 fn at_chroma_resolution(
     levels: &[[u8; 3]],
@@ -371,47 +307,4 @@ fn at_chroma_resolution(
         }));
     }
     result
-}
-
-/// Gaussian blur of a plane, in place; the border is mirrored.
-pub(super) fn smooth(plane: &mut [f32], width: usize, height: usize, sigma_px: f64) {
-    if sigma_px <= 0.0 || width < 2 || height < 2 {
-        return;
-    }
-    let reach = (4.0 * sigma_px).ceil() as usize;
-    let raw: Vec<f64> =
-        (0..=2 * reach).map(|i| (-0.5 * ((i as f64 - reach as f64) / sigma_px).powi(2)).exp()).collect();
-    let total: f64 = raw.iter().sum();
-    let kernel: Vec<f32> = raw.iter().map(|k| (k / total) as f32).collect();
-    // Places of a line that is longer by the reach at both of its ends.
-    let mirrored = |size: usize| -> Vec<usize> {
-        let period = 2 * (size as isize - 1);
-        (0..size + 2 * reach)
-            .map(|i| (i as isize - reach as isize).rem_euclid(period))
-            .map(|folded| folded.min(period - folded) as usize)
-            .collect()
-    };
-    let add = |sums: &mut [f32], share: f32, values: &[f32]| {
-        for (sum, value) in sums.iter_mut().zip(values) {
-            *sum += share * value;
-        }
-    };
-    let mut wide = vec![0.0f32; plane.len()];
-    let across = mirrored(width);
-    let mut longer = vec![0.0f32; across.len()];
-    for (row, sums) in plane.chunks_exact(width).zip(wide.chunks_exact_mut(width)) {
-        for (value, place) in longer.iter_mut().zip(&across) {
-            *value = row[*place];
-        }
-        for (i, share) in kernel.iter().enumerate() {
-            add(sums, *share, &longer[i..i + width]);
-        }
-    }
-    let down = mirrored(height);
-    for (row, sums) in plane.chunks_exact_mut(width).enumerate() {
-        sums.fill(0.0);
-        for (share, place) in kernel.iter().zip(&down[row..]) {
-            add(sums, *share, &wide[place * width..(place + 1) * width]);
-        }
-    }
 }

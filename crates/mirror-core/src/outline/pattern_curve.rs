@@ -11,7 +11,8 @@
 //! hides another one. Neither is fitted, for they look much alike; their deviations are propagated into that of x.
 
 use super::curve::CURVE_DOUBT;
-use super::patch::{linear, smooth};
+use super::patch::linear;
+use super::picture_noise::smooth;
 use crate::error::{Error, Result};
 use nalgebra::{SMatrix, SVector};
 
