@@ -39,21 +39,21 @@ pub(super) const WITHIN_CHANCE: Threshold = 4.0;
 /// Slips that are fitted, largest gain first; in addition the best zero of a joint.
 const SLIPS_TRIED: Size = 3;
 /// Prior standard deviation of a change of a joint's zero, rad or m.
-const ZERO_STD: Prior = 0.2;
+pub(super) const ZERO_STD: Prior = 0.2;
 /// What wanders is fitted where it gains at least this share of what a step gains.
 const LEAST_OF_STEP: Guard = MAJORITY * MAJORITY;
 /// The only entry of a motion that a joint has.
-const LAST: Size = 5;
+pub(super) const LAST: Size = 5;
 /// The last entries of a motion are those that its place has.
 #[derive(Clone)]
-struct Best {
+pub(super) struct Best {
     what: What,
-    rows: Range<usize>,
-    motion: Vector6<f64>,
+    pub rows: Range<usize>,
+    pub motion: Vector6<f64>,
     std: Vector6<f64>,
     /// The place's displacement behind the rows, and its standard deviations, where these do not go to the end.
     behind: Option<(Vector6<f64>, Vector6<f64>)>,
-    gain: f64,
+    pub gain: f64,
 }
 
 impl Best {
@@ -291,7 +291,7 @@ fn of_zeros(problem: &Problem, deformation: &Deformation, noise: Noise) -> Resul
 }
 
 /// The best of some rows from which on the place may be displaced.
-fn scan(place: &Place, rows: Range<usize>) -> Option<Best> {
+pub(super) fn scan(place: &Place, rows: Range<usize>) -> Option<Best> {
     let count = place.frames.first()?.0.nrows();
     let zero = || (DMatrix::zeros(count, count), DVector::zeros(count));
     let add = |(h, g): Sums, f: &Sums| (h + &f.0, g + &f.1);

@@ -89,9 +89,10 @@ pub(super) fn chosen(
             weighed.add(chain)?;
         }
     };
+    weighed.small_errors_from_afar(&mut values, &mut log_odds, sought)?;
     let coupling = weighed.beside_a_coupling(&mut values, &mut log_odds, sought)?;
     weighed.with_markers_in_place(&mut values, &mut log_odds)?;
-    let best = (0..log_odds.len()).max_by(|&a, &b| log_odds[a].total_cmp(&log_odds[b])).unwrap_or(0);
+    let best = best_of(&log_odds);
     let mistakes = weighed.with_delays(best);
     let Weighed { chains: tried, fits, .. } = weighed;
     for (chain, value) in tried.iter().zip(&values) {
@@ -235,6 +236,26 @@ impl<'a> Weighed<'a> {
         Ok(())
     }
 
+    /// Where a mistake seems the most probable: fits small errors without any from a scale at which no marker seems false, if that explains more.
+    fn small_errors_from_afar(
+        &mut self,
+        values: &mut Vec<f64>,
+        log_odds: &mut Vec<f64>,
+        sought: bool,
+    ) -> Result<()> {
+        if best_of(log_odds) == 0 {
+            return Ok(());
+        }
+        let Some(mut far) = self.fitted(&self.chains[0], Tolerant::from_afar)? else { return Ok(()) };
+        let noise = smaller(self.noise(), far.noise);
+        let near = self.fits[0].as_mut().map_or(Ok(f64::NEG_INFINITY), |fit| fit.log_evidence(noise))?;
+        if far.log_evidence(noise)? > near {
+            self.fits[0] = Some(far);
+            (*values, *log_odds) = self.log_odds(sought);
+        }
+        Ok(())
+    }
+
     /// Where a mistake seems the most probable: gives none of them the likeliest coupling beside all small errors, if that is
     /// more probable, also than the mistake with a coupling of its own. Returns the coupling's name and place.
     fn beside_a_coupling(
@@ -243,7 +264,7 @@ impl<'a> Weighed<'a> {
         log_odds: &mut Vec<f64>,
         sought: bool,
     ) -> Result<Option<(String, String)>> {
-        let best = (0..log_odds.len()).max_by(|&a, &b| log_odds[a].total_cmp(&log_odds[b])).unwrap_or(0);
+        let best = best_of(log_odds);
         let least = self.session.problem.noise;
         let beside = |fit: &Option<Tolerant>| fit.as_ref().map_or(Ok(None), |fit| coupled(fit, least));
         if best == 0 {
@@ -290,6 +311,11 @@ impl<'a> Weighed<'a> {
         }
         (values, log_odds)
     }
+}
+
+/// The most probable; the first, without a mistake, where there is none.
+fn best_of(log_odds: &[f64]) -> usize {
+    (0..log_odds.len()).max_by(|&a, &b| log_odds[a].total_cmp(&log_odds[b])).unwrap_or(0)
 }
 
 /// `ln ½ (1 + eᵈ)`.

@@ -42,6 +42,7 @@ mod placed;
 mod reported;
 mod resolutions;
 mod single_cause;
+mod single_step;
 mod small_delay;
 mod spoilt;
 #[cfg(test)]
@@ -210,7 +211,8 @@ fn change_point(session: &Undone, without: &[String], zeros: bool, memory: &mut 
     memory.slip(&session.mistakes, zeros, || {
         let problem = &session.problem;
         let postures = crate::diagnose::likelihood::saturated::postures(problem);
-        changes::find(problem, &spread(&postures, FRAMES_OF_SLIPS, 1), problem.noise, zeros)
+        let clear = changes::find(problem, &spread(&postures, FRAMES_OF_SLIPS, 1), problem.noise, zeros)?;
+        if clear.is_none() && zeros { single_step::find(problem) } else { Ok(clear) }
     })
 }
 

@@ -68,6 +68,23 @@ impl Tolerant {
         Self::unfitted(problem, frames, least, &NO_SMALL_ERRORS.map(str::to_owned), further).begun(least)
     }
 
+    /// As [`Tolerant::fitted_with`], from a scale at which no marker seems false: at the one of half of the observations, an error that moves
+    /// a single marker far is taken for false observations, and stays unfitted.
+    ///
+    /// # Errors
+    /// Invalid parameters of camera or mirror.
+    pub fn from_afar(
+        problem: &Problem,
+        frames: &[usize],
+        least: Noise,
+        further: Vec<(Column, f64, f64)>,
+    ) -> Result<Self> {
+        let mut far = Self::unfitted(problem, frames, least, &NO_SMALL_ERRORS.map(str::to_owned), further);
+        far.noise = far.widest_scale(&far.deformation(), least)?;
+        far.settle(least)?;
+        Ok(far)
+    }
+
     /// As [`Tolerant::fitted_with`], with all markers exactly where the model has them.
     ///
     /// # Errors
@@ -298,27 +315,42 @@ impl Tolerant {
 
     /// Standard deviations by the median of the residuals: half of the data may be false. What is not predicted counts as far.
     fn scale(&self, deformation: &Deformation, least: Noise) -> Result<Noise> {
+        self.scale_of(1, deformation, least)
+    }
+
+    /// The same by the marker whose median is largest: nothing that is wrong at one place seems false to it.
+    fn widest_scale(&self, deformation: &Deformation, least: Noise) -> Result<Noise> {
+        self.scale_of(deformation.marker_shift.len(), deformation, least)
+    }
+
+    /// The largest of the medians of so many parts, each of the markers that have the same remainder.
+    fn scale_of(&self, parts: usize, deformation: &Deformation, least: Noise) -> Result<Noise> {
         let problem = &self.problem;
         let eye = problem.eye(deformation)?;
         let task = Task::of_residuals(problem, deformation, eye.as_ref(), least);
         let mut work = FrameWork::new(problem);
-        let (mut pixels, mut points, mut corners) = (Vec::new(), Vec::new(), Vec::new());
+        let (mut pixels, mut points) = (vec![Vec::new(); parts.max(1)], vec![Vec::new(); parts.max(1)]);
+        let mut corners = Vec::new();
         let far_px2 = eye.as_ref().map_or(0.0, |eye| {
             let (width, height) = eye.camera.size_px();
             f64::from(width).powi(2) + f64::from(height).powi(2)
         });
         for frame in (0..problem.frames.len()).filter(|&f| self.mask[f]) {
-            let before = pixels.len();
+            let before: usize = pixels.iter().map(Vec::len).sum();
             let predicted = work.evaluate(problem, &task, frame);
             if predicted {
-                work.raw_residuals(|_, measured, r| {
-                    if measured { points.push(r.norm_squared()) } else { pixels.push(r.norm_squared()) }
+                work.raw_residuals(|marker, measured, r| {
+                    let part = marker.unwrap_or(0) % parts.max(1);
+                    if measured { &mut points[part] } else { &mut pixels[part] }.push(r.norm_squared());
                 });
             }
             let (Some(eye), Some(nominal)) = (&eye, problem.boards[frame]) else { continue };
             let of_marker = |o: &&Observation| matches!(o, Observation::Pixel { seen: Seen::Marker(_), .. });
             let seen = problem.frames[frame].others.iter().filter(of_marker).count();
-            pixels.resize(pixels.len().max(before + seen), far_px2);
+            if parts == 1 {
+                let all = pixels[0].len().max(before + seen);
+                pixels[0].resize(all, far_px2);
+            }
             let fitted = if problem.needs_fresh_board(deformation) {
                 work.fit_board(problem, deformation, Some(eye), frame, Some(nominal.foot))
             } else {
@@ -332,10 +364,13 @@ impl Tolerant {
             squares.sort_by(f64::total_cmp);
             squares.get(squares.len() / 2).map_or(least, |m| (m / chi2).sqrt().max(least))
         };
+        let widest = |parts: &mut [Vec<f64>], chi2: f64, least: f64| {
+            parts.iter_mut().map(|squares| of(squares, chi2, least)).fold(least, f64::max)
+        };
         Ok(Noise {
             corner_px: of(&mut corners, 2.0, least.corner_px),
-            marker_px: of(&mut pixels, CHI_SQUARED_MEDIANS[1], least.marker_px),
-            point_m: of(&mut points, CHI_SQUARED_MEDIANS[2], least.point_m),
+            marker_px: widest(&mut pixels, CHI_SQUARED_MEDIANS[1], least.marker_px),
+            point_m: widest(&mut points, CHI_SQUARED_MEDIANS[2], least.point_m),
         })
     }
 }
