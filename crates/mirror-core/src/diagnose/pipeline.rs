@@ -170,7 +170,7 @@ pub(crate) fn diagnose(
 
     options.progress.enter("assessing the result");
     keep_survivors(&mut findings, &ranking)?;
-    let left_beside_step = tell_step(&mut findings, &prepared)?;
+    let left_beside_step = tell_step(&mut findings, &nominal, &prepared)?;
     let rows_in_order = match &prepared.slip {
         Some(slip) => !is_found_again(&findings, &prepared.arranged, slip)?,
         None => false,

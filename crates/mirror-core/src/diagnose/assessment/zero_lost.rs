@@ -7,29 +7,48 @@
 use crate::diagnose::assessment::findings::Findings;
 use crate::diagnose::criteria::cross_validation::{held_out, in_sample, seen_size};
 use crate::diagnose::effects::Place;
+use crate::diagnose::effects::hypothesis::Model;
 use crate::diagnose::prepare::prepared::Prepared;
 use crate::diagnose::selection::nonparametric::{Unexplained, UnexplainedPlace};
+use crate::diagnose::selection::simplify::named_in_vain;
 use crate::error::Result;
 
 /// Reports the step that was undone, if any; returns the gap with the step undone, in the unit of the observations.
 ///
 /// # Errors
 /// Invalid parameters of the camera or mirror.
-pub(crate) fn tell_step(findings: &mut Findings<'_>, prepared: &Prepared) -> Result<Option<f64>> {
+pub(crate) fn tell_step(
+    findings: &mut Findings<'_>,
+    nominal: &Model,
+    prepared: &Prepared,
+) -> Result<Option<f64>> {
     let Some((step, as_logged)) = prepared.step() else { return Ok(None) };
     let left = seen_size(&findings.after);
-    let (search, found) = (&findings.search, &findings.found);
-    let (group, measured) = (&search.group, search.detector_noise());
+    let measured = findings.search.detector_noise();
     // What slipped was found after the step.
     let mut as_logged = as_logged.clone();
-    as_logged.slips.clone_from(&search.problem.slips);
-    as_logged.mistake_parameters.clone_from(&search.problem.mistake_parameters);
+    as_logged.slips.clone_from(&findings.search.problem.slips);
+    as_logged.mistake_parameters.clone_from(&findings.search.problem.mistake_parameters);
     if !as_logged.slips.is_empty() {
         as_logged.fit_boards()?;
     }
-    findings.after =
-        held_out(&as_logged, search.catalogue, group, &found.fit.model, found.noise, measured, true)?;
+    let after = |findings: &Findings<'_>| {
+        let (search, found) = (&findings.search, &findings.found);
+        held_out(&as_logged, search.catalogue, &search.group, &found.fit.model, found.noise, measured, true)
+    };
+    findings.after = after(findings)?;
     findings.before = in_sample(&prepared.given, &prepared.given.nominal(), measured)?;
+    if named_in_vain(&findings.search, &findings.found, &findings.before, &findings.after) {
+        // They explain what undoing the step did, not what was logged.
+        findings
+            .found
+            .trace
+            .push("no cause is named: with the zero as logged they leave the gap no smaller".into());
+        (findings.found.fit, findings.found.noise) = findings.search.fit_at_its_scatter(nominal)?;
+        findings.geometry = None;
+        findings.standings.clear();
+        findings.after = after(findings)?;
+    }
     let here = UnexplainedPlace {
         place: Some(Place::Joint(step.node)),
         depends_on: Some(format!("row, from {} on", step.first_frame)),

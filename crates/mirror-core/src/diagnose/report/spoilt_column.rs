@@ -11,7 +11,7 @@ pub(crate) fn column_is_spoilt(prepared: &Prepared, numbers: &[i64]) -> Option<S
         let far = if node.prismatic {
             format!("{:.1} mm", step.offset * 1e3)
         } else {
-            format!("{:.2} rad", step.offset)
+            format!("{:.3} rad", step.offset)
         };
         return Some(format!(
             "joint:{} has another zero from row {} on: it is {far} further than its column says (homed again, slipped \
