@@ -94,13 +94,15 @@ NO: Numbers = (0.0, 0.0, 0.0)
 
 @dataclass(frozen=True)
 class Wrong:
-    """What is wrong at a joint: its origin turned, its axis turned, its zero, its origin shifted."""
+    """What is wrong at a joint: its origin turned, its axis turned, its zero (from a row on), its origin shifted; and by how much a marker is off."""
 
     at: str
     twist_rad: Numbers = NO
     tilt_rad: Numbers = NO
     zero_rad: float = 0.0
     shift_m: Numbers = NO
+    from_row: int = 0
+    marker_m: tuple[str, Numbers] = ("", NO)
 
 
 @dataclass(frozen=True)
@@ -137,7 +139,7 @@ def _session(gravity_m_per_s2: float, hand: ByHand) -> str:
 Poses = dict[str, tuple[Floats, Floats]]
 
 
-def _poses(q: Floats, wrong: Wrong) -> Poses:
+def _poses(q: Floats, wrong: Wrong, row: int = 0) -> Poses:
     """Turn and place of the links in the root."""
     poses = {"base": (np.eye(3), np.zeros(3))}
     for angle, (name, (parent, child, at, axis, _)) in zip(q, JOINTS.items(), strict=True):
@@ -148,7 +150,7 @@ def _poses(q: Floats, wrong: Wrong) -> Poses:
             rotation(np.array(here.tilt_rad)) @ np.array(axis, float),
         )
         poses[child] = (
-            turn @ own @ rotation((angle + here.zero_rad) * real),
+            turn @ own @ rotation((angle + (here.zero_rad if row >= here.from_row else 0.0)) * real),
             place + turn @ (np.array(at) + here.shift_m),
         )
     return poses
@@ -161,6 +163,11 @@ def _places(poses: Poses, off_m: Floats) -> Floats:
         for (link, on), off in zip(MARKERS.values(), off_m, strict=True)
     ]
     return np.array(of)
+
+
+def _off_m(wrong: Wrong) -> Floats:
+    """Of each marker on its link."""
+    return np.array([wrong.marker_m[1] if name == wrong.marker_m[0] else NO for name in MARKERS])
 
 
 def _torque_nm(poses: Poses, joint: str) -> float:
@@ -215,7 +222,7 @@ def write_wrong(
     camera, board = _frames()
     # Of their own, so that the postures of a seed are the same with exact mounts.
     by_hand = np.random.default_rng((seed, 1))
-    off_m = by_hand.normal(0.0, 1.0, (len(MARKERS), 3)) * hand.m
+    off_m = by_hand.normal(0.0, 1.0, (len(MARKERS), 3)) * hand.m + _off_m(wrong)
     camera_m, board_m = (place + hand.m * by_hand.normal(0.0, 1.0, 3) for place in (CAMERA_M, BOARD_M))
     camera, board = (turn @ rotation(hand.rad * by_hand.normal(0.0, 1.0, 3)) for turn in (camera, board))
     grid = np.array([[x, y, 0.0] for y in range(CORNERS[1]) for x in range(CORNERS[0])], float)
@@ -234,10 +241,10 @@ def write_wrong(
             at = (mirrored - camera_m) @ camera
             return FOCAL_PX * at[:, :2] / at[:, 2:] + [SIZE_PX[0] / 2, SIZE_PX[1] / 2]
 
-        poses = _poses(q, wrong)
+        poses = _poses(q, wrong, number)
         if spring is not None:
             yields = np.array([name == spring[0] for name in JOINTS])
-            poses = _poses(q + yields * spring[1] * _torque_nm(poses, spring[0]), wrong)
+            poses = _poses(q + yields * spring[1] * _torque_nm(poses, spring[0]), wrong, number)
         places = _places(poses, off_m)
         pixels = [seen(corners), seen(places)]
         inside = [np.all((p > 5.0) & (p < np.array(SIZE_PX) - 5.0), axis=1) for p in pixels]
@@ -271,13 +278,15 @@ def write_tracked(
 ) -> Path:
     """The same arm with its markers measured by a tracker in a frame of its own, without camera, board and mirror."""
     rng = np.random.default_rng(seed)
-    off_m = rng.normal(0.0, 1.0, (len(MARKERS), 3)) * hand.m
+    off_m = rng.normal(0.0, 1.0, (len(MARKERS), 3)) * hand.m + _off_m(wrong)
     turn, at = rotation(np.array([0.4, -0.2, 1.1])), np.array([1.5, -0.4, 0.2])
     frames, rows = [f"frame,posture,{','.join(JOINTS)}"], ["frame,marker,x,y,z"]
     for number in range(postures):
         q = np.round(rng.uniform(LOW_RAD, HIGH_RAD), 4)
         frames.append(f"{number},{number},{','.join(map(str, q))}")
-        seen = _places(_poses(q, wrong), off_m) @ turn.T + at + rng.normal(0.0, std_m, (len(MARKERS), 3))
+        seen = (
+            _places(_poses(q, wrong, number), off_m) @ turn.T + at + rng.normal(0.0, std_m, (len(MARKERS), 3))
+        )
         rows += [
             f"{number},{name},{x:.7f},{y:.7f},{z:.7f}" for name, (x, y, z) in zip(MARKERS, seen, strict=True)
         ]
