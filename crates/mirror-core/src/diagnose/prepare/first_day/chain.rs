@@ -28,8 +28,9 @@ pub(super) struct Chain {
     pub mistakes: Vec<Mistake>,
     pub variant: Variant,
     pub loss: f64,
-    /// The mean loss of the marker that has the largest.
-    pub worst: f64,
+    /// The same in the rows in which its mistakes leave no position unknown, and that of the marker which has the largest
+    /// there: what it leaves.
+    left: (f64, f64),
 }
 
 impl Chain {
@@ -45,8 +46,11 @@ impl Chain {
         frames: &[usize],
         limit: f64,
     ) -> Self {
-        let (loss, worst) = misfit.mean_losses_below(&variant, frames, limit);
-        Self { mistakes, variant, loss, worst }
+        let all = misfit.mean_losses_below(&variant, frames, limit);
+        let known = known_in(&mistakes, variant.positions.len(), frames);
+        let fewer = all.0.is_finite() && known.len() < frames.len();
+        let left = if fewer { misfit.mean_losses(&variant, &known) } else { all };
+        Self { mistakes, variant, loss: all.0, left }
     }
 
     /// With one more mistake, which may be one with the last.
@@ -96,8 +100,17 @@ impl Chain {
 
     /// Whether something is left that is more than small errors, of one marker alone too.
     pub fn is_gross(&self) -> bool {
-        self.loss > GROSS || self.worst > GROSS_OF_ONE
+        self.left.0 > GROSS || self.left.1 > GROSS_OF_ONE
     }
+}
+
+/// The frames, of some of a session's rows, in which a delay leaves every position known; a late column's last ones are in
+/// no row of the log, whatever is seen there. All of them if none would be left.
+pub(super) fn known_in(mistakes: &[Mistake], rows: usize, frames: &[usize]) -> Vec<usize> {
+    let late = mistakes.iter().filter(|m| matches!(m, Mistake::Late { .. }));
+    let unknown: Vec<usize> = late.flat_map(|m| m.not_known(rows)).map(|(frame, _)| frame).collect();
+    let known: Vec<usize> = frames.iter().copied().filter(|f| !unknown.contains(f)).collect();
+    if known.is_empty() { frames.to_vec() } else { known }
 }
 
 /// By this the mean loss must fall with each mistake: in a closer look by less.

@@ -8,7 +8,7 @@
 //! the odds are close, markers are also in place in each model, one half of its prior for each.
 
 use super::alternatives::Session;
-use super::chain::{Chain, FRAMES, spread, unlike};
+use super::chain::{Chain, FRAMES, known_in, spread, unlike};
 use super::coupled::coupled;
 use super::lost::free_columns;
 use super::misfit::Misfit;
@@ -329,7 +329,8 @@ fn leaves_gross((fit, chain): (&Option<Tolerant>, &Chain)) -> bool {
         let misfit = Misfit::given(fit.problem(), &fit.deformation()).ok()?;
         // Its mistakes are undone in the problem; positions alone are its own.
         let variant = Variant::at(chain.variant.positions.clone(), fit.problem());
-        Some(Chain::new(Vec::new(), variant, &misfit, &fit.frames()))
+        let known = known_in(&chain.mistakes, variant.positions.len(), &fit.frames());
+        Some(Chain::new(Vec::new(), variant, &misfit, &known))
     };
     fit.as_ref().and_then(left).is_none_or(|left| left.is_gross())
 }

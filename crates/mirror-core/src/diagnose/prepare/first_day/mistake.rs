@@ -332,7 +332,7 @@ impl Mistake {
     }
 
     /// Frames in which a joint's position is unknown even when the mistake is undone; none means all joints.
-    fn not_known(&self, frames: usize) -> Vec<(usize, Option<usize>)> {
+    pub(super) fn not_known(&self, frames: usize) -> Vec<(usize, Option<usize>)> {
         match *self {
             Self::LogFrozen { joint, first, last } => (first..=last).map(|f| (f, Some(joint))).collect(),
             Self::Late { joint, rows, kind } => {
