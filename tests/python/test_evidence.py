@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import random
 import re
 import shutil
@@ -105,6 +106,28 @@ def test_what_stands_beside_a_mistake_is_kept_where_the_session_as_given_predict
     gap = found.gap
     assert gap.before_m is None and gap.after_m is not None and gap.noise_floor_m is not None
     assert gap.after_m < 1.1 * gap.noise_floor_m and "before nothing could be compared" in found.sentence
+
+
+@pytest.mark.parametrize("quarters", [1, 3])
+def test_a_board_mounted_a_quarter_turned_is_found_though_its_grid_is_not_square(
+    whole: Path, tmp_path: Path, quarters: int
+) -> None:
+    """Printed with as many squares along x as along y before, and turned."""
+    stated = (whole / "session.toml").read_text()
+    nx, ny = (int(n) for n in re.findall(r"corners = \[(\d+), (\d+)\]", stated)[0])
+    assert nx != ny
+
+    def mounted(row: list[str]) -> list[str]:
+        ix, iy = int(row[2]) % nx, int(row[2]) // nx
+        index = ix * ny + ny - 1 - iy if quarters == 1 else (nx - 1 - ix) * ny + iy
+        return [*row[:2], str(index), *row[3:]] if row[1] == "board" else row
+
+    folder = changed(whole, tmp_path / "s", lambda rows: [mounted(row) for row in rows])
+    (folder / "session.toml").write_text(stated.replace(f"corners = [{nx}, {ny}]", f"corners = [{ny}, {nx}]"))
+    found = diagnose(folder)
+    assert {cause.effect for cause in found.causes} == {"board_turned", "joint_offset"}, found.sentence
+    turn = next(cause for cause in found.causes if cause.effect == "board_turned").parameters["turn_rad"]
+    assert abs(turn.value - (4 - quarters) * math.pi / 2.0) < 1e-9 and found.verdict == "explained"
 
 
 def test_corners_far_noisier_than_stated_are_no_agreement(whole: Path, tmp_path: Path) -> None:

@@ -432,17 +432,19 @@ pub(super) fn turned(index: usize, (nx, ny): (usize, usize), quarters: u8) -> us
     let (ix, iy) = (index % nx, index / nx);
     match quarters {
         2 => (ny - 1 - iy) * nx + (nx - 1 - ix),
-        // By quarters only a square grid of corners falls on itself.
-        1 => ix * nx + (nx - 1 - iy),
-        3 => (nx - 1 - ix) * nx + iy,
+        // By quarters the grid has as many corners along x as it had along y.
+        1 => ix * ny + (ny - 1 - iy),
+        3 => (nx - 1 - ix) * ny + iy,
         _ => index,
     }
 }
 
 fn turn_board(recording: &mut Recording, quarters: u8) {
-    let Some(corners) = recording.sight.as_ref().and_then(|s| s.board.as_ref()).map(|b| b.corners) else {
-        return;
-    };
+    let Some(board) = recording.sight.as_mut().and_then(|s| s.board.as_mut()) else { return };
+    let corners = board.corners;
+    if quarters % 2 == 1 {
+        board.corners = (corners.1, corners.0);
+    }
     for sighting in recording.frames.iter_mut().flat_map(|f| &mut f.sightings) {
         if let Target::Corner(i) = &mut sighting.target {
             *i = turned(*i, corners, quarters);

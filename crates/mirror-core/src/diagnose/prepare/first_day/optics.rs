@@ -40,7 +40,9 @@ pub(super) fn find(
     closely: bool,
     cancel: &Cancel,
 ) -> Result<Option<(Mistake, f64)>> {
-    let Some(sight) = recording.sight.as_ref().filter(|s| s.board.is_some()) else { return Ok(None) };
+    if recording.sight.as_ref().is_none_or(|s| s.board.is_none()) {
+        return Ok(None);
+    }
     let step = recording.frames.len().div_ceil(FRAMES).max(1);
     let mut few = recording.clone();
     few.frames = recording.frames.iter().step_by(step).cloned().collect();
@@ -51,10 +53,8 @@ pub(super) fn find(
     if nearly_right && !closely {
         return Ok(None);
     }
-    let square = sight.board.as_ref().is_some_and(|b| b.corners.0 == b.corners.1);
     let mut alternatives: Vec<Mistake> = (1..=3).map(|flip| Mistake::Flipped { flip }).collect();
-    alternatives
-        .extend((1..=3).filter(|q| *q == 2 || square).map(|quarters| Mistake::BoardTurned { quarters }));
+    alternatives.extend((1..=3).map(|quarters| Mistake::BoardTurned { quarters }));
     alternatives.extend(resolutions::all());
     if nearly_right {
         alternatives.clear();
