@@ -112,7 +112,7 @@ pub(crate) const EVERYWHERE: [MistakeInfo; 15] = [
     ),
     mistake(
         "board_turned",
-        "boards fit when counted from another corner",
+        "boards fit when counted from another corner, or when turned by 90°",
         "turn the board back, or turn its mount in the robot's URDF",
         WrittenTo::Nothing,
     ),

@@ -4,13 +4,12 @@ use super::exchanges::source;
 use super::misfit::{LEAST_FALL, Misfit, Work};
 use super::mistake::{LENGTH_UNITS, LateKind, Mistake, UNITS, is_unit};
 use super::placed::Placed;
+use super::still_log::still_runs;
 use super::variant::{Variant, seen_joints};
 use crate::diagnose::model::body::NodeId;
 use crate::diagnose::model::problem::{Observation, Problem, Seen};
 use crate::diagnose::prepare::row_slip::LARGEST_SHIFT;
-use crate::diagnose::principles::{
-    FEWEST_FRAMES, FEWEST_POSTURES, Grid, NEARLY_ALL, Size, Threshold, WORTH_NAMING,
-};
+use crate::diagnose::principles::{FEWEST_FRAMES, Grid, NEARLY_ALL, Size, Threshold, WORTH_NAMING};
 use crate::statistics::{GOLDEN_SECTION, best_run};
 use core::f64::consts::{FRAC_PI_2, PI};
 
@@ -283,13 +282,11 @@ impl<'a> Session<'a> {
             if !moves(&column) {
                 continue;
             }
-            out.extend(
-                self.still_runs(&column, variant).into_iter().map(|(first, last)| Mistake::LogFrozen {
-                    joint,
-                    first,
-                    last,
-                }),
-            );
+            out.extend(still_runs(&column, variant).into_iter().map(|(first, last)| Mistake::LogFrozen {
+                joint,
+                first,
+                last,
+            }));
             // The joint stays where it was commanded to last; each posture may be the last.
             let mut best: Option<(f64, Mistake)> = None;
             let mut held = variant.clone();
@@ -346,25 +343,6 @@ impl<'a> Session<'a> {
     pub fn begun(&self, variant: &Variant, freed: &Variant, first: usize, last: usize) -> usize {
         let (own, free) = (self.misfit.frame_losses(variant), self.misfit.frame_losses(freed));
         (first..=last).find(|&f| own[f].0 - free[f].0 > CLEAR).unwrap_or(first)
-    }
-
-    /// Runs of rows over which a column does not change while others do.
-    fn still_runs(&self, column: &[f64], variant: &Variant) -> Vec<(usize, usize)> {
-        let mut out = Vec::new();
-        let mut first = 0;
-        for f in 1..=column.len() {
-            if f < column.len() && (column[f] - column[first]).abs() < 1e-9 {
-                continue;
-            }
-            let last = f - 1;
-            let mut others: Vec<&Vec<f64>> = variant.positions[first..=last].iter().collect();
-            others.dedup();
-            if others.len() >= FEWEST_POSTURES && last + 1 - first >= FEWEST_FRAMES {
-                out.push((first, last));
-            }
-            first = f;
-        }
-        out
     }
 
     /// A mistake with its number refined on some frames.

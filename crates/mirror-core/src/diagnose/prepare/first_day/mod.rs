@@ -45,6 +45,7 @@ mod single_cause;
 mod single_step;
 mod small_delay;
 mod spoilt;
+mod still_log;
 #[cfg(test)]
 mod tests;
 mod there_and_back;
