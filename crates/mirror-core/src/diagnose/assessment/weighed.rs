@@ -19,7 +19,7 @@ use crate::diagnose::selection::extended_models::Extended;
 use crate::diagnose::selection::nonparametric::{Unexplained, unexplained};
 use crate::diagnose::selection::search::{Found, Search};
 use crate::diagnose::selection::simplify::{
-    comes_down, drop_useless, gaps, named_for_little, named_in_vain, without_names,
+    comes_down, drop_useless, gaps, name_nothing, named_for_little, named_in_vain, without_names,
 };
 use crate::diagnose::selection::zeros_of_link::{ZerosInstead, zeros_instead};
 use crate::error::Result;
@@ -96,9 +96,7 @@ pub(crate) fn weighed<'a>(
     if no_smaller || lawless && named_for_little(&search, &found, &nominal_gap, &after) {
         let left =
             if no_smaller { "the held-out gap no smaller" } else { "nearly all of a gap that has no place" };
-        found.trace.push(format!("no cause is named: together they leave {left}"));
-        // The scatter that the causes left is not that of the nominal model: at it everything would look false.
-        (found.fit, found.noise) = search.fit_at_its_scatter(nominal)?;
+        name_nothing(&search, &mut found, nominal, &format!("together they leave {left}"))?;
         (geometry, after) = (None, nominal_gap.clone());
         standings.clear();
     }

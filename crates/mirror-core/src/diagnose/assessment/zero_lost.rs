@@ -10,7 +10,7 @@ use crate::diagnose::effects::Place;
 use crate::diagnose::effects::hypothesis::Model;
 use crate::diagnose::prepare::prepared::Prepared;
 use crate::diagnose::selection::nonparametric::{Unexplained, UnexplainedPlace};
-use crate::diagnose::selection::simplify::named_in_vain;
+use crate::diagnose::selection::simplify::{name_nothing, named_in_vain};
 use crate::error::Result;
 
 /// Reports the step that was undone, if any; returns the gap with the step undone, in the unit of the observations.
@@ -40,11 +40,8 @@ pub(crate) fn tell_step(
     findings.before = in_sample(&prepared.given, &prepared.given.nominal(), measured)?;
     if named_in_vain(&findings.search, &findings.found, &findings.before, &findings.after) {
         // They explain what undoing the step did, not what was logged.
-        findings
-            .found
-            .trace
-            .push("no cause is named: with the zero as logged they leave the gap no smaller".into());
-        (findings.found.fit, findings.found.noise) = findings.search.fit_at_its_scatter(nominal)?;
+        let left = "with the zero as logged they leave the gap no smaller";
+        name_nothing(&findings.search, &mut findings.found, nominal, left)?;
         findings.geometry = None;
         findings.standings.clear();
         findings.after = after(findings)?;

@@ -121,6 +121,22 @@ pub(crate) fn named_in_vain(
     (named || !model.group.is_empty()) && !smaller
 }
 
+/// Takes back all named causes and small errors: the nominal model, at its own scatter (at that which the causes left everything would look
+/// false). `left`: what they leave, for the trace.
+///
+/// # Errors
+/// Invalid parameters of the camera or mirror.
+pub(crate) fn name_nothing(
+    search: &Search<'_>,
+    found: &mut Found,
+    nominal: &Model,
+    left: &str,
+) -> Result<()> {
+    found.trace.push(format!("no cause is named: {left}"));
+    (found.fit, found.noise) = search.fit_at_its_scatter(nominal)?;
+    Ok(())
+}
+
 /// Whether the named causes leave nearly all of the gap: if the remainder has no place, they only absorbed a part
 /// of it, whatever their odds.
 pub(crate) fn named_for_little(

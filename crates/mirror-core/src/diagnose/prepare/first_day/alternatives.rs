@@ -282,11 +282,13 @@ impl<'a> Session<'a> {
             if !moves(&column) {
                 continue;
             }
-            out.extend(still_runs(&column, variant).into_iter().map(|(first, last)| Mistake::LogFrozen {
-                joint,
-                first,
-                last,
-            }));
+            out.extend(
+                still_runs(&column, &variant.positions).into_iter().map(|(first, last)| Mistake::LogFrozen {
+                    joint,
+                    first,
+                    last,
+                }),
+            );
             // The joint stays where it was commanded to last; each posture may be the last.
             let mut best: Option<(f64, Mistake)> = None;
             let mut held = variant.clone();

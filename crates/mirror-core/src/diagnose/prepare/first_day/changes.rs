@@ -47,7 +47,7 @@ pub(super) const LAST: Size = 5;
 /// The last entries of a motion are those that its place has.
 #[derive(Clone)]
 pub(super) struct Best {
-    what: What,
+    pub what: What,
     pub rows: Range<usize>,
     pub motion: Vector6<f64>,
     std: Vector6<f64>,
@@ -68,7 +68,7 @@ impl Best {
         matches!(self.what, What::Zero(_))
     }
 
-    fn mistakes(&self, problem: &Problem) -> Vec<Mistake> {
+    pub fn mistakes(&self, problem: &Problem) -> Vec<Mistake> {
         let what = match self.what {
             What::Slips(what) => what,
             What::Zero(node) => {
@@ -219,18 +219,20 @@ fn atoms_of(what: What) -> (usize, Vec<Atom>) {
     }
 }
 
+/// 1 over some of the rows, 0 in the others.
+pub(super) fn over(rows: &Range<usize>, count: usize) -> Weight {
+    Weight::Frames((0..count).map(|f| f64::from(u8::from(rows.contains(&f)))).collect())
+}
+
 /// A change with columns of its own, estimated together with all small errors: over its rows, and behind them.
 fn together(problem: &Problem, frames: &[usize], least: Noise, best: &Best) -> Result<(Best, Tolerant)> {
     let (from, atoms) = atoms_of(best.what);
     let std = if from == LAST { ZERO_STD } else { FREE_STD };
     let count = problem.frames.len();
-    let over = |rows: Range<usize>| {
-        Weight::Frames((0..count).map(|f| f64::from(u8::from(rows.contains(&f)))).collect())
-    };
     // From the linear estimate: from 0 everything that slipped would look false.
     let columns_over = |rows: Range<usize>, motion: Vector6<f64>| {
         let column = move |(k, atom): (usize, &Atom)| {
-            (Column { atom: *atom, weight: over(rows.clone()) }, std, motion[from + k])
+            (Column { atom: *atom, weight: over(&rows, count) }, std, motion[from + k])
         };
         atoms.iter().enumerate().map(column).collect::<Vec<_>>()
     };
@@ -284,7 +286,7 @@ fn best_changes(
 }
 
 /// Zeros of all joints that move what is seen.
-fn of_zeros(problem: &Problem, deformation: &Deformation, noise: Noise) -> Result<Vec<Place>> {
+pub(super) fn of_zeros(problem: &Problem, deformation: &Deformation, noise: Noise) -> Result<Vec<Place>> {
     let scene = &problem.scene;
     let joints: Vec<NodeId> = (0..scene.nodes()).filter(|&n| scene.relevant[n] && scene.moves(n)).collect();
     zeros(problem, deformation, noise, &joints)

@@ -3,16 +3,15 @@
 //! Where many small errors are free at once ([`super::changes`]), they absorb most of a small step, and no slip is clear. Alone it
 //! may leave nothing, where no single cause does: a drift over the session, its nearest neighbour, leaves the step's saw tooth.
 
-use super::by_frame::zeros;
-use super::changes::{LAST, ZERO_STD, scan};
-use super::mistake::{Changes, Mistake};
+use super::by_frame::What;
+use super::changes::{LAST, ZERO_STD, of_zeros, over, scan};
+use super::mistake::Changes;
 use super::single_cause::{Beside, likeliest};
 use crate::diagnose::effects::hypothesis::{Catalogue, Model};
 use crate::diagnose::effects::vocabulary;
 use crate::diagnose::likelihood::fit::{Fit, FitOptions, Group, fit};
 use crate::diagnose::likelihood::noise::effective;
-use crate::diagnose::model::body::NodeId;
-use crate::diagnose::model::elementary::{Atom, Column, Weight};
+use crate::diagnose::model::elementary::{Atom, Column};
 use crate::diagnose::model::problem::Problem;
 use crate::diagnose::model::solver::SOLVER;
 use crate::diagnose::principles::{A_GAP, BEYOND_DOUBT, FEWEST_FRAMES};
@@ -31,14 +30,12 @@ pub(super) fn find(problem: &Problem) -> Result<Changes> {
     }
     let exact = Beside::nothing(problem);
     let Some(noise) = exact.gap(problem)? else { return Ok(None) };
-    let joints: Vec<NodeId> = (0..scene.nodes()).filter(|&n| scene.relevant[n] && scene.moves(n)).collect();
-    let places = zeros(problem, &problem.nominal(), noise, &joints)?;
-    let steps = joints.iter().zip(&places).filter_map(|(&node, place)| Some((node, scan(place, 0..count)?)));
-    let Some((node, step)) = steps.max_by(|a, b| a.1.gain.total_cmp(&b.1.gain)) else { return Ok(None) };
-    let first = step.rows.start;
-    let weight = Weight::Frames((0..count).map(|f| f64::from(u8::from(f >= first))).collect());
+    let places = of_zeros(problem, &problem.nominal(), noise)?;
+    let steps = places.iter().filter_map(|place| scan(place, 0..count));
+    let Some(mut step) = steps.max_by(|a, b| a.gain.total_cmp(&b.gain)) else { return Ok(None) };
+    let What::Zero(node) = step.what else { return Ok(None) };
     let group = Group {
-        columns: vec![Column { atom: Atom::Joint(node), weight }],
+        columns: vec![Column { atom: Atom::Joint(node), weight: over(&step.rows, count) }],
         prior_std: vec![ZERO_STD],
         ..Group::default()
     };
@@ -56,8 +53,7 @@ pub(super) fn find(problem: &Problem) -> Result<Changes> {
     }
     let Some(cause) = likeliest(problem.clone(), vocabulary(), &exact, noise)? else { return Ok(None) };
     let against = cause.fitted(noise)?.log_evidence(problem.noise)?;
-    let odds = alone.log_evidence - against - ((count * joints.len()) as f64).ln();
-    let (joint, multiplier, _) = scene.body.nodes[node].command;
-    let offset = alone.model.group[0] / multiplier;
-    Ok((odds > BEYOND_DOUBT).then(|| (vec![Mistake::ZeroLost { joint, first, offset }], odds)))
+    let odds = alone.log_evidence - against - ((count * places.len()) as f64).ln();
+    step.motion[LAST] = alone.model.group[0];
+    Ok((odds > BEYOND_DOUBT).then(|| (step.mistakes(problem), odds)))
 }
