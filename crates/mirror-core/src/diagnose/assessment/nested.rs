@@ -50,7 +50,8 @@ pub(crate) fn chosen_anew(findings: &Findings<'_>, ranking: &[Score]) -> Result<
         .map(|region| -> Result<(bool, Vec<PostureGap>)> {
             let equations = linear.all_but(region);
             let same = |set: &Vec<usize>| set.len() == linear.found && set.iter().all(|&c| c < linear.found);
-            let Some((set, _)) = linear.search(&equations).filter(|(set, _)| !same(set)) else {
+            let other = linear.search(&equations).map(|weighed| weighed.set);
+            let Some(set) = other.filter(|set| !same(set)) else {
                 let own = |g: &&PostureGap| labels[g.frame] == region;
                 return Ok((false, findings.after.iter().filter(own).copied().collect()));
             };

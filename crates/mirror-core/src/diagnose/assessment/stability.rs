@@ -5,6 +5,7 @@
 //! exactly, have no stability.
 
 use crate::diagnose::assessment::findings::Findings;
+use crate::diagnose::effects::hypothesis::Term;
 use crate::diagnose::likelihood::saturated::postures;
 use crate::diagnose::likelihood::score_test::Score;
 use crate::diagnose::principles::{LEAST_LOG_ODDS, Size};
@@ -26,16 +27,23 @@ const MOST_BLOCKS: Size = 64;
 /// Shares of the resamples in which the same was selected.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Stability {
-    /// Of each term of the model; none of free-form errors.
+    /// Of each term of the model, its posterior probability among its alternatives in each resample counted; none of
+    /// free-form errors.
     pub terms: Vec<Option<f64>>,
-    /// The same, of the term or of an alternative that the data cannot separate from it.
+    /// Of the term or of an alternative that the data cannot separate from it.
     pub or_rivals: Vec<Option<f64>>,
     /// Of each displaced mount that was requested.
     pub mounts: Vec<f64>,
 }
 
-/// What a resample's search found: hypotheses, and whether each mount is displaced.
-type CameOut = (Vec<usize>, Vec<bool>);
+/// What a resample's search found.
+struct CameOut {
+    hypotheses: Vec<usize>,
+    /// The probability of each term of the model among its alternatives.
+    terms: Vec<f64>,
+    /// Whether each mount is displaced.
+    displaced: Vec<bool>,
+}
 
 /// Repeats the search on resampled postures; `mounts` are columns of the group whose displacement was reported.
 ///
@@ -73,34 +81,38 @@ pub(crate) fn stability(
             })
             .collect()
     };
+    let rivals_of = |i: usize| -> Vec<usize> {
+        standings.get(i).into_iter().flatten().flat_map(|s| &s.rivals).map(|r| r.hypothesis).collect()
+    };
+    let rivals: Vec<Vec<usize>> = (0..model.terms.len()).map(rivals_of).collect();
     let came_out: Vec<CameOut> = draws
         .into_par_iter()
         .filter_map(|weights| {
             if findings.search.problem.cancel.is_cancelled() {
                 return None;
             }
-            let (set, equations) = whole.search(&whole.sum(&weights))?;
-            let hypotheses = set.iter().map(|&c| whole.candidates[c].hypothesis).collect();
-            Some((hypotheses, displaced(&whole, &equations, &set, mounts)?))
+            let weighed = whole.search(&whole.sum(&weights))?;
+            let hypotheses = weighed.set.iter().map(|&c| whole.candidates[c].hypothesis).collect();
+            let share = |(i, term): (usize, &Term)| whole.share(&weighed, term.hypothesis, &rivals[i]);
+            let terms = model.terms.iter().enumerate().map(share).collect::<Option<_>>()?;
+            let displaced = displaced(&whole, &weighed.scaled.equations, &weighed.set, mounts)?;
+            Some(CameOut { hypotheses, terms, displaced })
         })
         .collect();
     findings.search.problem.cancel.check()?;
     let total = came_out.len().max(1) as f64;
-    let share = |of: &dyn Fn(&CameOut) -> bool| came_out.iter().filter(|r| of(r)).count() as f64 / total;
-    let of_term = |hypothesis: usize| {
-        (!findings.search.catalogue.is_free(hypothesis)).then(|| share(&|r| r.0.contains(&hypothesis)))
+    let mean = |of: &dyn Fn(&CameOut) -> f64| came_out.iter().map(of).sum::<f64>() / total;
+    let share = |of: &dyn Fn(&CameOut) -> bool| mean(&|r| f64::from(u8::from(of(r))));
+    let or_rivals = |i: usize| {
+        let of_it = |h: &usize| *h == model.terms[i].hypothesis || rivals[i].contains(h);
+        share(&|r| r.hypotheses.iter().any(of_it))
     };
-    let or_rivals = |hypothesis: usize, standing: Option<&Standing>| {
-        let rivals: Vec<usize> = standing.iter().flat_map(|s| &s.rivals).map(|r| r.hypothesis).collect();
-        let found = |r: &CameOut| r.0.iter().any(|h| *h == hypothesis || rivals.contains(h));
-        (!findings.search.catalogue.is_free(hypothesis)).then(|| share(&found))
-    };
-    let with_standing =
-        model.terms.iter().zip(standings.iter().map(Option::as_ref).chain(core::iter::repeat(None)));
+    let named = |i: usize| !findings.search.catalogue.is_free(model.terms[i].hypothesis);
+    let count = model.terms.len();
     Ok(Stability {
-        terms: model.terms.iter().map(|t| of_term(t.hypothesis)).collect(),
-        or_rivals: with_standing.map(|(t, standing)| or_rivals(t.hypothesis, standing)).collect(),
-        mounts: (0..mounts.len()).map(|k| share(&|r| r.1[k])).collect(),
+        terms: (0..count).map(|i| named(i).then(|| mean(&|r| r.terms[i]))).collect(),
+        or_rivals: (0..count).map(|i| named(i).then(|| or_rivals(i))).collect(),
+        mounts: (0..mounts.len()).map(|k| share(&|r| r.displaced[k])).collect(),
     })
 }
 

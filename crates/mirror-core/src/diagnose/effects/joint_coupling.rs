@@ -18,12 +18,13 @@ impl Effect for JointCoupling {
         named(&["coupling"])
     }
 
-    /// All ordered pairs of joints of one limb (one carries the other): cables and gears run along a limb.
+    /// All ordered pairs of joints of one limb (one carries the other): cables and gears run along a limb. A mimic joint
+    /// stands for the joint that it follows, which is the one to name.
     fn places(&self, scene: &Scene) -> Vec<Place> {
         let nodes = scene.nodes();
         let mut places = Vec::new();
         for j in (0..nodes).filter(|&j| scene.relevant[j]) {
-            for k in (0..nodes).filter(|&k| k != j && scene.moves(k)) {
+            for k in (0..nodes).filter(|&k| k != j && scene.moves(k) && !scene.body.nodes[k].is_mimic) {
                 if scene.body.nodes[j].ancestors[k] || scene.body.nodes[k].ancestors[j] {
                     places.push(Place::JointPair(j, k));
                 }

@@ -36,6 +36,8 @@ pub(crate) struct Node {
     pub long_axis: Option<Vector3<f64>>,
     /// Index into the commanded positions, and `position ↦ multiplier · position + offset` (mimic joints).
     pub command: (usize, f64, f64),
+    /// Whether it is a mimic joint: its position is that of another one, and says nothing that the other's does not.
+    pub is_mimic: bool,
     /// Mass (kg) and mass times centre (kg m, in the node's frame) of the body.
     pub mass: f64,
     pub mass_moment: Vector3<f64>,
@@ -131,6 +133,7 @@ impl Body {
                 telescope,
                 long_axis: None,
                 command: joint.drive.map_or((0, 0.0, 0.0), |d| (d.position, d.multiplier, d.offset)),
+                is_mimic: joint.mimic.is_some(),
                 mass: 0.0,
                 mass_moment: Vector3::zeros(),
                 ancestors,

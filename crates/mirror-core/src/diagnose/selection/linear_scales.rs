@@ -22,7 +22,7 @@ impl LinearSearch<'_> {
     /// The causes that the search finds from nothing or from those that were found, whichever are more probable,
     /// with the normal equations at the scales that the resample has with them. Adding one cause at a time may end
     /// at two causes that only imitate two others; the whole search avoids that by additional start points.
-    pub fn search(&self, resample: &Equations) -> Option<(Vec<usize>, Equations)> {
+    pub fn search(&self, resample: &Equations) -> Option<WeighedSet> {
         // Where a search ends, and the scales there if it ends where it began.
         let end_from = |start: Vec<usize>| -> Option<(Vec<usize>, Option<Scaled>)> {
             let scaled = self.with_spreads(resample, &start)?;
@@ -37,13 +37,35 @@ impl LinearSearch<'_> {
         let found = weighed(end_from((0..self.found).collect())?)?;
         let from_nothing = end_from(Vec::new())?;
         // Mostly both ways end at the same causes.
-        let best = if is_same_set(&from_nothing.0, &found.set) {
-            found
-        } else {
-            let nothing = weighed(from_nothing)?;
-            if found.log_posterior >= nothing.log_posterior { found } else { nothing }
+        if is_same_set(&from_nothing.0, &found.set) {
+            return Some(found);
+        }
+        let nothing = weighed(from_nothing)?;
+        Some(if found.log_posterior >= nothing.log_posterior { found } else { nothing })
+    }
+
+    /// The posterior probability of a hypothesis against its alternatives in the place of the one of them that a set has:
+    /// `1 / Σ exp(l_k − l)`, with the log posterior odds l of each. 0 where the set has none of them. Of several that no
+    /// data can separate the one that a search ends at is chance; their shares are equal.
+    pub fn share(&self, weighed: &WeighedSet, hypothesis: usize, alternatives: &[usize]) -> Option<f64> {
+        let is_it = |c: usize| self.candidates[c].hypothesis == hypothesis;
+        let competes = |c: usize| is_it(c) || alternatives.contains(&self.candidates[c].hypothesis);
+        let set = &weighed.set;
+        let Some(at) = set.iter().position(|&c| is_it(c)).or_else(|| set.iter().position(|&c| competes(c)))
+        else {
+            return Some(0.0);
         };
-        Some((best.set, best.scaled.equations))
+        let Some(own) = (0..self.candidates.len()).find(|&c| is_it(c)) else { return Some(0.0) };
+        let others: Vec<usize> = set.iter().copied().filter(|&c| c != set[at]).collect();
+        let base = self.base(&weighed.scaled.reduced, &others, None)?;
+        let odds = |c: usize| self.odds((&weighed.scaled.reduced, &base), &others, c);
+        let of_it = odds(own);
+        if of_it == f64::NEG_INFINITY {
+            return Some(0.0);
+        }
+        let in_place = (0..self.candidates.len()).filter(|&c| competes(c) && !others.contains(&c));
+        let total: f64 = in_place.map(|c| (odds(c) - of_it).exp()).sum();
+        Some(1.0 / total)
     }
 
     /// A set with the scales that it leaves; none where numbers overflow.

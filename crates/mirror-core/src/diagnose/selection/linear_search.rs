@@ -192,7 +192,7 @@ impl<'a> LinearSearch<'a> {
     }
 
     /// The equations of a set's parameters (without one of its members); none where numbers overflow.
-    fn base(&self, reduced: &Reduced, set: &[usize], but: Option<usize>) -> Option<Base> {
+    pub(super) fn base(&self, reduced: &Reduced, set: &[usize], but: Option<usize>) -> Option<Base> {
         let own = set.iter().filter(|c| Some(**c) != but);
         reduced.base(own.flat_map(|&c| self.candidates[c].columns.clone()))
     }
