@@ -129,9 +129,10 @@ impl Search<'_> {
         );
         self.problem.cancel.check()?;
         fits.sort_by(|a, b| self.log_posterior(b).total_cmp(&self.log_posterior(a)));
-        // The score test uses a play of zero width; with its real width another friction may fit far better.
-        for fit in fits.iter_mut().take(FITTED) {
-            *fit = self.best_variant(fit, noise)?;
+        // The score test uses a play of zero width; with its real width another friction may fit far better, and another
+        // course to the same posture by any amount.
+        for (rank, fit) in fits.iter_mut().enumerate() {
+            *fit = self.best_variant(fit, noise, rank < FITTED)?;
         }
         fits.sort_by(|a, b| self.log_posterior(b).total_cmp(&self.log_posterior(a)));
         Ok(fits)
@@ -150,12 +151,13 @@ impl Search<'_> {
         effect.variant_beside(&self.problem.scene, place, term.variant, &term.parameters)
     }
 
-    /// The last cause with the best of all its discrete unknowns, each fitted.
-    fn best_variant(&self, fit: &Fit, noise: Noise) -> Result<Fit> {
+    /// The last cause with the best of its discrete unknowns, each fitted: those that the score test tried too if `all`,
+    /// and what it cannot tell.
+    fn best_variant(&self, fit: &Fit, noise: Noise, all: bool) -> Result<Fit> {
         let Some(term) = fit.model.terms.last() else { return Ok(fit.clone()) };
         let hypothesis = &self.catalogue.hypotheses[term.hypothesis];
         let mut variants =
-            if hypothesis.variants.len() < 2 { Vec::new() } else { hypothesis.variants.clone() };
+            if all && hypothesis.variants.len() > 1 { hypothesis.variants.clone() } else { Vec::new() };
         variants.extend(self.variant_beside(term));
         if variants.is_empty() {
             return Ok(fit.clone());

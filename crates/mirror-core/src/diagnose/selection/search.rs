@@ -440,13 +440,14 @@ impl Search<'_> {
                 && !free(&terms[k])
         });
         let Some((i, k)) = pair.filter(|_| !self.problem.budget.is_spent()) else { return Ok(best) };
-        let ranked = self.ranked(self.scored(sums, &best.model, noise)?, &[i, k]);
+        let mut ranked = self.ranked(self.scored(sums, &best.model, noise)?, &[i, k]);
+        // Of this joint alone: elsewhere others may rank higher at a law's width of zero, where the score test looks.
+        let of_joint = |h: usize| self.catalogue.hypotheses[h].place.node() == node(&terms[i]);
+        ranked.screening.scores.retain(|score| of_joint(score.hypothesis));
         let merged = self.fitted(&ranked, noise, self.options.refined, None)?;
-        let same_place = |f: &&Fit| f.model.terms.last().is_some_and(|t| node(t) == node(&terms[i]));
         // Few steps do not show how far each law comes: a play stands for sticking, up to where the joint turns back.
         let fitted = merged
             .par_iter()
-            .filter(same_place)
             .map(|one| {
                 let last = one.model.terms.len() - 1;
                 self.fit_with_slack(&one.model, Some(last), noise, SOLVER.final_steps)

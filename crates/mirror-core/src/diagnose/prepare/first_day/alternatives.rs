@@ -83,6 +83,12 @@ impl<'a> Session<'a> {
         for (i, &(a, _)) in moving.iter().enumerate() {
             out.extend(moving[..i].iter().map(|&(b, _)| Mistake::JointsSwapped { joints: (b, a) }));
         }
+        // The column of a joint that nothing shows may have a seen joint's positions.
+        let unseen = |c: &usize| !self.joints.iter().any(|(j, _)| j == c) && moves(&variant.column(*c));
+        for &other in self.log.iter().filter(|c| unseen(c)) {
+            let pair = |j: usize| (j.min(other), j.max(other));
+            out.extend(moving.iter().map(|&(j, _)| Mistake::JointsSwapped { joints: pair(j) }));
+        }
         for &(joint, _) in self.joints.iter().filter(|(_, n)| self.turns(*n)) {
             let steps = (PI / ZERO_STEP).round() as i32;
             let zeros = (1 - steps..=steps).filter(|k| k.abs() > 1);
@@ -156,7 +162,9 @@ impl<'a> Session<'a> {
                 for pairs in [neighbours.clone().collect::<Vec<_>>(), neighbours.rev().collect()] {
                     // Exchanges among unseen joints have no effect.
                     let place: Vec<usize> = of_robot.iter().map(|&j| source(&pairs, j)).collect();
-                    if place == of_robot || places.contains(&place) {
+                    let moved = place.iter().zip(&of_robot).filter(|(from, to)| from != to).count();
+                    // Where one seen joint has another column, that is an exchange of two, tried above.
+                    if moved < 2 || places.contains(&place) {
                         continue;
                     }
                     places.push(place);

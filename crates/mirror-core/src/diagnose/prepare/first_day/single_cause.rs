@@ -95,31 +95,56 @@ pub(super) struct Likeliest {
 }
 
 /// The same, fitted.
+#[derive(Clone)]
 pub(super) struct Best {
     problem: Problem,
     group: Group,
-    catalogue: Catalogue,
+    catalogue: Arc<Catalogue>,
     model: Model,
     /// What it leaves.
     pub left: Noise,
 }
 
 impl Likeliest {
-    /// Fitted from there.
+    /// Fitted from there, with the value of its discrete unknown that leaves less: the score test cannot tell whether a
+    /// joint comes to each row straight from the row before.
     ///
     /// # Errors
     /// Invalid parameters of camera or mirror.
     pub fn fitted(self, noise: Noise) -> Result<Best> {
+        let beside = self.variant_beside();
         let Self { problem, group, catalogue, model, .. } = self;
-        let options = FitOptions { noise, steps: SOLVER.loose_steps };
-        let model = fit(&problem, &catalogue, &group, &model, options, None)?.model;
-        let mut best = Best { left: problem.noise, problem, group, catalogue, model };
-        best.left = effective(&best.problem, &best.deformation(), best.problem.noise, None)?;
+        let mut best = Best { left: problem.noise, problem, group, catalogue: Arc::new(catalogue), model };
+        let start = best.model.clone();
+        best.fit(noise)?;
+        if let Some(variant) = beside {
+            let mut other = Best { model: start, ..best.clone() };
+            other.model.terms.iter_mut().for_each(|term| term.variant = variant);
+            other.fit(noise)?;
+            if other.problem.of_observations(other.left) < best.problem.of_observations(best.left) {
+                return Ok(other);
+            }
+        }
         Ok(best)
+    }
+
+    fn variant_beside(&self) -> Option<f64> {
+        let term = self.model.terms.last()?;
+        let place = self.catalogue.hypotheses[term.hypothesis].place;
+        let effect = self.catalogue.effect(term.hypothesis);
+        effect.variant_beside(&self.problem.scene, place, term.variant, &term.parameters)
     }
 }
 
 impl Best {
+    /// Fits it from where it is, and sees what is left.
+    fn fit(&mut self, noise: Noise) -> Result<()> {
+        let options = FitOptions { noise, steps: SOLVER.loose_steps };
+        self.model = fit(&self.problem, &self.catalogue, &self.group, &self.model, options, None)?.model;
+        self.left = effective(&self.problem, &self.deformation(), self.problem.noise, None)?;
+        Ok(())
+    }
+
     fn deformation(&self) -> Deformation {
         self.model.deformation(&self.problem, &self.catalogue, &self.group.columns)
     }
