@@ -153,5 +153,5 @@ def test_a_joint_that_follows_another_drives_nothing(tmp_path: Path) -> None:
 def test_an_exchange_with_a_column_that_nothing_shows_is_one(tmp_path: Path) -> None:
     found = mp.diagnose(scara(tmp_path / "exchanged", 0, np.zeros(3), exchanged=True))
     (cause,) = found.causes
-    assert (cause.effect, cause.at) == ("joints_swapped", "joint:neck<->joint:j1")
+    assert (cause.effect, cause.at) == ("joints_swapped", "joint:j1<->joint:neck")
     assert found.verdict == "explained"
