@@ -384,7 +384,9 @@ impl<'a> Session<'a> {
                 let of = |rows| Mistake::Late { joint, rows, kind };
                 let part = 1.0 / LATE_PARTS as f64;
                 let (low, high) = if rows < 0.0 { (-0.99, -0.01) } else { (0.01, 0.99) };
-                of(least((rows - part).max(low), (rows + part).min(high), |x| loss(&of(x))))
+                let best = least((rows - part).max(low), (rows + part).min(high), |x| loss(&of(x)));
+                // Near half a row errors die out slowly from one row to the next: the loss has several minima.
+                of(if loss(mistake) <= loss(&of(best)) { rows } else { best })
             }
             Mistake::Late { joint, rows, .. } => {
                 // Late by more than a row: between the rows next to the best whole one.
