@@ -16,8 +16,8 @@ const QUANTILE: Threshold = 0.7;
 const LEAST_TAKEN: Guard = 0.5;
 /// With no more redundant rows than this the noise is the stated one, and
 const FEW_LEFT: Threshold = FEWEST_REDUNDANT_ROWS / 2.0;
-/// its variance counts as known from a hundred rows.
-const STATED_SCATTER: Prior = 0.02;
+/// its variance counts as known from four hundred rows: data sheets and calibrations of trackers are right to some percent.
+const STATED_SCATTER: Prior = 0.005;
 
 /// The minimum remainder, as a share of the noise's variance: it must be a gap, and significantly above 0. Smaller
 /// remainders are real but negligible.

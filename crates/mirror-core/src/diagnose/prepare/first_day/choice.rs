@@ -202,9 +202,15 @@ impl<'a> Weighed<'a> {
             if let Mistake::Late { rows, .. } = mistake
                 && more.is_finite()
             {
-                // Within the rows that it lies between.
+                // Within the rows that it lies between, on its side of their middle: from there on the positions are found from
+                // the log's other end.
                 let (low, high) = (rows.floor(), rows.ceil());
-                *rows = (*rows + more).clamp(low + SOLVER.difference, high - SOLVER.difference);
+                let middle = low + 0.5;
+                *rows = if *rows > middle {
+                    (*rows + more).clamp(middle + SOLVER.difference, high - SOLVER.difference)
+                } else {
+                    (*rows + more).clamp(low + SOLVER.difference, middle)
+                };
             }
         }
         mistakes

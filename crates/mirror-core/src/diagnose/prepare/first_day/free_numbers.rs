@@ -70,11 +70,11 @@ impl Mistake {
                     Some(step_s) => (step_s, "delay_s"),
                     None => (1.0, "delay_rows"),
                 };
+                let [less, more] = on_one_side(rows, SOLVER.difference);
                 let loose = |one: (usize, NodeId)| {
                     let column = before.column(one.0);
-                    let [early, late] = [rows - SOLVER.difference, rows + SOLVER.difference]
-                        .map(|r| in_time(&column, r, kind));
-                    let per_row = body.nodes[one.1].command.1 / (2.0 * SOLVER.difference);
+                    let [early, late] = [less, more].map(|r| in_time(&column, r, kind));
+                    let per_row = body.nodes[one.1].command.1 / (more - less);
                     let speed = early.iter().zip(&late).map(|(a, b)| per_row * (b - a)).collect();
                     of(one, Weight::Frames(speed), FIRST_ESTIMATE_STD, "joint_late", parameter, unit)
                 };
@@ -106,6 +106,34 @@ impl Mistake {
                 (slip.what.first_number()..6).map(part).collect()
             }
             _ => Vec::new(),
+        }
+    }
+}
+
+/// Delays on both sides of one, between which the log's positions change steadily: from half a row on they are found from
+/// the other end of the log.
+fn on_one_side(rows: f64, step: f64) -> [f64; 2] {
+    let half = rows.floor() + 0.5;
+    match rows - half {
+        past if past.abs() > step => [rows - step, rows + step],
+        past if past > 0.0 => [rows, rows + step],
+        _ => [rows - step, rows],
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::diagnose::prepare::first_day::free_numbers::on_one_side;
+    use crate::diagnose::prepare::first_day::mistake::{LateKind, in_time};
+
+    #[test]
+    fn the_speed_of_a_delay_of_half_a_row_is_that_of_its_own_side() {
+        let column: Vec<f64> = (0..40).map(|row| f64::from(row * row % 17)).collect();
+        for rows in [0.2, 0.499_95, 0.5, 0.500_05, 0.8, 2.5] {
+            let [less, more] = on_one_side(rows, 1e-4);
+            let [early, late] = [less, more].map(|rows| in_time(&column, rows, LateKind::Blend));
+            let largest = early.iter().zip(&late).fold(0.0_f64, |most, (a, b)| most.max((a - b).abs()));
+            assert!(largest < 0.5, "{rows}: {largest}");
         }
     }
 }
