@@ -1,4 +1,4 @@
-"""A joint's log late by whole rows: the last rows' positions are in no row of it, and must not speak against the delay."""
+"""A joint's log late by whole rows: the last rows' positions are in no row of it, and must not speak against the delay. And by half a row."""
 
 from __future__ import annotations
 
@@ -40,12 +40,15 @@ SESSION = "\n".join(
 )
 
 
-def write_late(folder: Path, rows: int, late: int) -> Path:
-    """The shoulder's column holds the position of so many rows ago."""
-    chance = np.random.default_rng(3)
+def write_late(folder: Path, rows: int, late: float, seed: int = 3) -> Path:
+    """The shoulder's column holds the position of so many rows ago; of a part of a row a blend of both rows, from the second on."""
+    chance = np.random.default_rng(seed)
     true = chance.uniform([-1.2, -0.9, -1.4], [1.2, 0.9, 1.4], (rows, 3))
     logged = true.copy()
-    logged[late:, 1] = true[:-late, 1]
+    ago = np.arange(rows) - late
+    before, part = np.floor(ago).astype(int).clip(0), ago - np.floor(ago)
+    blend = (1.0 - part) * true[before, 1] + part * true[np.ceil(ago).astype(int).clip(0), 1]
+    logged[ago >= 0.0, 1] = blend[ago >= 0.0]
     folder.mkdir()
     (folder / "robot.urdf").write_text(URDF)
     (folder / "session.toml").write_text(SESSION)
@@ -78,3 +81,12 @@ def test_the_rows_that_a_delay_leaves_unknown_are_no_evidence_against_it(
     left = found.document["data"]["left_out"]
     assert {item["frame"] for item in left} == set(range(rows - late, rows))
     assert all("not known in this row" in item["why"] for item in left)
+
+
+@pytest.mark.parametrize("seed", [4, 5])
+def test_half_a_row_is_found_from_one_end_of_the_log(seed: int, tmp_path: Path) -> None:
+    # An error at that end does not die out, and a delay a little longer is undone from the other end, where the position is unknown.
+    found = mp.diagnose(write_late(tmp_path / "session", 50, 0.5, seed))
+    assert [(cause.effect, cause.at) for cause in found.causes] == [("joint_late", "joint:shoulder")]
+    assert found.causes[0].probability > 0.9 and found.verdict == "explained"
+    assert abs(found.causes[0].parameters["delay_rows"].value - 0.5) < 1e-3
