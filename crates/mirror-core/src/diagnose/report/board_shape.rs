@@ -20,7 +20,7 @@ use crate::diagnose::model::deformation::Deformation;
 use crate::diagnose::model::frame::{FrameWork, SeenCorner, Task};
 use crate::diagnose::model::problem::{Noise, Problem};
 use crate::diagnose::model::solver::SOLVER;
-use crate::diagnose::principles::{A_GAP, FAR_DEVIATIONS, SURE_DEVIATIONS};
+use crate::diagnose::principles::{A_GAP, FAR_DEVIATIONS, Guard, SURE_DEVIATIONS};
 use crate::diagnose::report::fields::{Over, field};
 use crate::error::Result;
 use crate::statistics::{CHI_SQUARED_MEDIANS, median};
@@ -28,6 +28,8 @@ use nalgebra::{Matrix2x3, Matrix3, Vector2, Vector3};
 use rayon::prelude::*;
 
 const BOARD: &str = "board";
+/// Times its noise a marker counts for nothing beside a board's corners.
+const UNHEARD: Guard = 1e4;
 
 /// What contradicts a flat board.
 #[derive(Debug, Clone)]
@@ -97,8 +99,7 @@ fn same_in_both(corners: usize, first: &[Picture], second: &[Picture], noise_px:
 pub(crate) fn not_flat(findings: &Findings<'_>) -> Result<Option<NotFlat>> {
     let search = &findings.search;
     let (problem, noise) = (&search.problem, search.detector_noise());
-    // Beside another zero of a joint, the model is that of no session: what its corners leave may be the zero's.
-    if problem.board.is_none() || findings.step.is_some() {
+    if problem.board.is_none() {
         return Ok(None);
     }
     let deformation = search.deformation(&findings.found.fit.model);
@@ -150,6 +151,8 @@ struct Bend {
 
 fn pictures(problem: &Problem, deformation: &Deformation, noise: Noise) -> Result<Vec<Picture>> {
     let eye = problem.eye(deformation)?;
+    // A picture's mirror from its corners alone: what is wrong with the markers would turn it, and bend the board.
+    let noise = Noise { marker_px: UNHEARD * noise.marker_px, ..noise };
     let task = Task { with_board: true, ..Task::of_residuals(problem, deformation, eye.as_ref(), noise) };
     let half = problem.corners.iter().map(|c| c.x.abs().max(c.y.abs())).fold(f64::MIN_POSITIVE, f64::max);
     let modes = |index: usize| {
