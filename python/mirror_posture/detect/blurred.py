@@ -21,7 +21,7 @@ from .blobs import Region
 from .ghost_light import Ghost, with_ghost_left, without_ghost
 from .marker_judge import BLURRED_SHARE, MarkerOptions, judged
 from .medians import median
-from .rivals import Rival, choose
+from .rivals import NO_OTHERS, ModelErrors, Rival, choose
 from .types import MarkerView, PredictedMarker
 
 # From this blur of the picture's balls on, px and as a share of the radius, a ball is also measured as a whole.
@@ -57,11 +57,12 @@ class Blurred(ShortRepr):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Expected(ShortRepr):
-    """A marker, the regions of its colour, and where and how large the model expects its ball."""
+    """A marker, the regions of its colour, where and how large the model expects its ball, and how far the model is off elsewhere in the picture."""
 
     marker: Marker
     regions: tuple[Region, ...]
     hint: PredictedMarker
+    elsewhere: ModelErrors = NO_OTHERS
 
     @property
     def radius_px(self) -> float:
@@ -136,7 +137,7 @@ def blurred_views(
         view = judged(bgr, one.marker, region, fit, options)
         if view.ok and (view.visible_fraction or 0.0) >= LEAST_SEEN:
             found[index].append(Blurred(view, _has_moved(fit)))
-    return [_chosen(balls, one.hint, camera.mean_focal_px) for balls, one in zip(found, wanted, strict=True)]
+    return [_chosen(balls, one, camera.mean_focal_px) for balls, one in zip(found, wanted, strict=True)]
 
 
 def _plausible(one: Expected) -> list[Region]:
@@ -148,12 +149,14 @@ def _plausible(one: Expected) -> list[Region]:
     ]
 
 
-def _chosen(balls: list[Blurred], hint: PredictedMarker, focal_px: float) -> Blurred | None:
+def _chosen(balls: list[Blurred], one: Expected, focal_px: float) -> Blurred | None:
     if not balls:
         return None
     # All were measured with the expected size: it does not tell them apart.
     places = [ball.view.pixel_px for ball in balls if ball.view.pixel_px is not None]
-    index, _ = choose([Rival(place) for place in places], hint, focal_px)
+    index, _ = choose(
+        [Rival(place) for place in places], one.hint, focal_px, one.marker.diameter_m, one.elsewhere
+    )
     return balls[index] if index >= 0 else None
 
 

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
 
 from ..marker import Marker
+from ..short_repr import ShortRepr
 from .ball import Circle, OutlineFit, Start
 from .blobs import Region
 from .candidates import Candidate
@@ -22,7 +23,7 @@ from .marker_judge import (
     size_share,
     widened_by_size,
 )
-from .rivals import LEAST_APART_RADII, Rival, choose, clearly_nearer
+from .rivals import LEAST_APART_RADII, NO_OTHERS, ModelErrors, Rival, choose, clearly_nearer
 from .types import FloatArray, MarkerView, PredictedMarker
 
 # Smallest outline that sub-pixel edges can be read from; below, the region's centroid is all there is.
@@ -31,7 +32,40 @@ MIN_OUTLINE_RADIUS_PX = 3.0
 Measured = Callable[[list[Start]], list[OutlineFit | None]]
 
 
-def view_by_hint(
+@dataclass(frozen=True, eq=False, repr=False)
+class Found(ShortRepr):
+    """What of a marker's colour was measured: its view where there is no choice (masked with its reason, or there is no hint), else the balls of its size, of which
+    one is to be chosen, and what is not accepted, with why."""
+
+    view: MarkerView
+    hint: PredictedMarker | None = None
+    diameter_m: float = 0.0
+    good: tuple[MarkerView, ...] = ()
+    bad: tuple[tuple[Rival, str], ...] = ()
+
+    def _rivals(self, hint: PredictedMarker) -> list[Rival]:
+        return [_rival(view, float(hint.ball_radius_px or 0.0)) for view in self.good]
+
+    def off_m(self, focal_px: float) -> float | None:
+        """How far the nearest ball is from where the model expects it; None where none is measured."""
+        if self.hint is None or not self.good:
+            return None
+        off_px = min(one.off_px(self.hint, focal_px) for one in self._rivals(self.hint))
+        return off_px * 0.5 * self.diameter_m / float(self.hint.ball_radius_px or np.inf)
+
+    def chosen(self, focal_px: float, elsewhere: ModelErrors = NO_OTHERS) -> MarkerView:
+        """The one ball of the size that the model expects, nearest to where it expects it; masked where another may be it."""
+        if self.hint is None or not self.good:
+            return self.view
+        rivals = self._rivals(self.hint)
+        index, reason = choose(rivals, self.hint, focal_px, self.diameter_m, elsewhere)
+        if index >= 0:
+            reason = _told_nearer(rivals[index], self.bad, self.hint, focal_px)
+        view = self.good[max(index, 0)]
+        return replace(view, ok=False, reason=reason) if reason else view
+
+
+def found_by_hint(
     bgr: npt.NDArray[np.uint8],
     marker: Marker,
     regions: tuple[Region, ...],
@@ -41,20 +75,21 @@ def view_by_hint(
     options: MarkerOptions,
     measured: Measured,
     coded: bool,
-    focal_px: float,
-) -> MarkerView:
-    """The one ball of the size that the model expects, nearest to where it expects it.
+) -> Found:
+    """The balls of about the size that the model expects, near where it expects one.
 
     `fits` are the candidates' outlines; `measured` measures others in the same picture; `coded`: its codec keeps colour coarser than brightness.
     """
     if not regions:
-        return masked(marker, nothing_reason(bgr, marker), None)
+        return Found(masked(marker, nothing_reason(bgr, marker), None))
     radius = float(hint.ball_radius_px or 0.0)
     if radius < MIN_OUTLINE_RADIUS_PX:
-        return masked(
-            marker,
-            f"it would be {2.0 * radius:.1f} px wide there, needed {2.0 * MIN_OUTLINE_RADIUS_PX:.0f}: go nearer",
-            None,
+        return Found(
+            masked(
+                marker,
+                f"it would be {2.0 * radius:.1f} px wide there, needed {2.0 * MIN_OUTLINE_RADIUS_PX:.0f}: go nearer",
+                None,
+            )
         )
     good: list[MarkerView] = []
     # Those that are not accepted, and why; of another size than the marker's, or not measured.
@@ -91,19 +126,17 @@ def view_by_hint(
         # A good outline of another size is another thing; of a bad one the size says nothing.
         bad.append((Rival(view.pixel_px, fit.mean_radius_px / radius if seen.ok else None), view.reason))
         first_bad = first_bad or view
-    if not good:
-        return first_bad or masked(
+    if good:
+        return Found(good[0], hint, marker.diameter_m, tuple(good), tuple(bad))
+    return Found(
+        first_bad
+        or masked(
             marker,
             f"{len(regions)} regions of its colour, none with the outline of a ball of the size that it has there (radius {radius:.1f} px, the largest region's "
             f"{regions[0].equivalent_radius_px:.1f} px)",
             regions[0],
         )
-    rivals = [_rival(view, radius) for view in good]
-    index, reason = choose(rivals, hint, focal_px)
-    if index >= 0:
-        reason = _told_nearer(rivals[index], bad, hint, focal_px)
-    view = good[max(index, 0)]
-    return replace(view, ok=False, reason=reason) if reason else view
+    )
 
 
 def _rival(view: MarkerView, radius_px: float) -> Rival:

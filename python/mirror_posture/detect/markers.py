@@ -19,7 +19,7 @@ from ..marker import Marker
 from .ball import OutlineFit, Start, fit_circle, measure_balls
 from .blobs import Region, color_regions, contour_px
 from .blurred import MOST_QUANTISATION_STEP, Expected, with_blurred
-from .by_hint import MIN_OUTLINE_RADIUS_PX, Measured, view_by_hint
+from .by_hint import MIN_OUTLINE_RADIUS_PX, Found, Measured, found_by_hint
 from .candidates import SIZE_FACTOR, Candidate, find_candidates
 from .curve import Curve, curve_doubt, with_curve_doubt
 from .ghost_light import Ghost, with_ghost_left, without_ghost
@@ -32,6 +32,7 @@ from .marker_judge import (
     nothing_reason,
 )
 from .recoded import LEAST_STEP, Codec, with_codec_errors
+from .rivals import ModelErrors, errors_elsewhere
 from .sharpening import without_sharpening
 from .types import MarkerView, PredictedMarker, color_of
 
@@ -144,17 +145,19 @@ def detect_markers(
 
     coded = chroma_step_px != (1, 1)
     focal_px = assumed.mean_focal_px
-    views = [
-        _seen(bgr, job, own, options, again, coded, focal_px) for job, own in zip(jobs, fits_of, strict=True)
-    ]
+    seen = [_seen(bgr, job, own, options, again, coded) for job, own in zip(jobs, fits_of, strict=True)]
+    # All balls together tell how far the model is off.
+    offs_m = [one.off_m(focal_px) for one in seen]
+    elsewhere = [errors_elsewhere(offs_m, index) for index in range(len(seen))]
+    views = [one.chosen(focal_px, others) for one, others in zip(seen, elsewhere, strict=True)]
     for index, job in _more_widely(bgr, jobs, views, options):
         own = again(list(job.starts))
-        view = _seen(bgr, job, own, options, again, coded, focal_px)
+        view = _seen(bgr, job, own, options, again, coded).chosen(focal_px, elsewhere[index])
         if view.ok or not jobs[index].starts:
             jobs[index], fits_of[index], views[index] = job, own, view
     by_rays = views
     if quantisation_step <= MOST_QUANTISATION_STEP:
-        wanted = [_expected(job) for job in jobs]
+        wanted = [_expected(job, others) for job, others in zip(jobs, elsewhere, strict=True)]
         views = with_blurred(bgr, wanted, fits_of, views, assumed, options, coded, ghost, bent)
     if sampled is not None:
         recoded = with_codec_errors(bgr, by_rays, sampled, assumed, chroma_step_px, blurs_px)
@@ -176,10 +179,10 @@ class _Job:
     starts: tuple[Start, ...] = ()
 
 
-def _expected(job: _Job) -> Expected | None:
+def _expected(job: _Job, elsewhere: ModelErrors) -> Expected | None:
     if job.hint is None or (job.hint.ball_radius_px or 0.0) < MIN_OUTLINE_RADIUS_PX:
         return None
-    return Expected(job.marker, job.regions, job.hint)
+    return Expected(job.marker, job.regions, job.hint, elsewhere)
 
 
 def _job(
@@ -265,13 +268,19 @@ def _seen(
     options: MarkerOptions,
     measured: Measured,
     coded: bool,
-    focal_px: float,
+) -> Found:
+    marker = job.marker
+    if job.hint is not None:
+        return found_by_hint(
+            bgr, marker, job.regions, job.hint, job.candidates, fits, options, measured, coded
+        )
+    return Found(_without_hint(bgr, job, fits, options))
+
+
+def _without_hint(
+    bgr: npt.NDArray[np.uint8], job: _Job, fits: list[OutlineFit | None], options: MarkerOptions
 ) -> MarkerView:
     marker, region = job.marker, job.choice.region
-    if job.hint is not None:
-        return view_by_hint(
-            bgr, marker, job.regions, job.hint, job.candidates, fits, options, measured, coded, focal_px
-        )
     if region is None or job.choice.reason:
         return masked(marker, job.choice.reason or nothing_reason(bgr, marker), region)
     if marker.diameter_m == 0.0 or not options.use_outline:
