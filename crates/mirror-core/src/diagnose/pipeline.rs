@@ -7,14 +7,15 @@ use crate::diagnose::assessment::nested::chosen_anew;
 use crate::diagnose::assessment::other_session::check;
 use crate::diagnose::assessment::survivors::keep_survivors;
 use crate::diagnose::assessment::weighed::weighed;
-use crate::diagnose::assessment::zero_lost::tell_step;
+use crate::diagnose::assessment::zero_lost::{BesideStep, tell_step};
+use crate::diagnose::criteria::cross_validation::PostureGap;
 use crate::diagnose::data::diagnosis::{Diagnosis, LeftOut};
 use crate::diagnose::data::recording::Recording;
 use crate::diagnose::effects::hypothesis::{Catalogue, Model};
 use crate::diagnose::likelihood::fit::Group;
 use crate::diagnose::likelihood::noise;
 use crate::diagnose::likelihood::score_test::screen;
-use crate::diagnose::model::problem::Problem;
+use crate::diagnose::model::problem::{Noise, Problem};
 use crate::diagnose::model::work_budget::{A_STAGE, WorkBudget};
 use crate::diagnose::prepare::first_result::FirstResult;
 use crate::diagnose::prepare::options::{DiagnoseOptions, OtherSession};
@@ -58,8 +59,11 @@ pub(crate) struct Outcome {
     pub says_nothing: bool,
     /// Whether a joint's column is not used, in all postures or in some.
     pub lost: bool,
-    /// The gap with a lost zero undone, in the unit of the observations; none if no zero was lost.
-    pub left_beside_step: Option<f64>,
+    /// The gap with a lost zero undone; none if no zero was lost.
+    pub left_beside_step: Option<BesideStep>,
+    /// The gap on regions that the fit did not see, and the noise that it is weighed at.
+    pub after: Vec<PostureGap>,
+    pub noise: Noise,
     /// The board's shape, if it is not flat: no reason for other assumptions, so it is told of the diagnosis that stays.
     pub not_flat: Option<NotFlat>,
     /// The work of the session so far.
@@ -204,6 +208,7 @@ pub(crate) fn diagnose(
         FirstResult { deformation, false_frames: left_out.filter_map(number_of).collect(), sought: false };
     let lost = prepared.lost().is_some();
     let budget = prepared.problem.budget.clone();
+    let noise = findings.search.detector_noise();
     Ok(Outcome {
         rows_in_order,
         known,
@@ -211,6 +216,8 @@ pub(crate) fn diagnose(
         says_nothing,
         lost,
         left_beside_step,
+        after: findings.after,
+        noise,
         not_flat,
         budget,
         diagnosis,

@@ -5,15 +5,34 @@
 //! row.
 
 use crate::diagnose::assessment::findings::Findings;
-use crate::diagnose::criteria::cross_validation::{held_out, in_sample, seen_size};
+use crate::diagnose::criteria::cross_validation::{PostureGap, held_out, in_sample, seen_size};
 use crate::diagnose::effects::Place;
 use crate::diagnose::effects::hypothesis::Model;
+use crate::diagnose::model::problem::Noise;
 use crate::diagnose::prepare::prepared::Prepared;
+use crate::diagnose::principles::{A_GAP, BEYOND_DOUBT};
+use crate::diagnose::selection::alternatives::held_out_odds;
 use crate::diagnose::selection::nonparametric::{Unexplained, UnexplainedPlace};
 use crate::diagnose::selection::simplify::{name_nothing, named_in_vain};
 use crate::error::Result;
 
-/// Reports the step that was undone, if any; returns the gap with the step undone, in the unit of the observations.
+/// The gap with a step undone.
+pub(crate) struct BesideStep {
+    /// Of each posture, on regions that the fit did not see.
+    pub after: Vec<PostureGap>,
+    /// Its size in the unit of the observations.
+    pub size: f64,
+}
+
+impl BesideStep {
+    /// Whether what other causes leave in place of the step is clearly more: then they are only its neighbours, as a drift is of a
+    /// zero that changed once.
+    pub fn is_beyond(&self, others: &[PostureGap], noise: Noise) -> bool {
+        seen_size(others) > A_GAP * self.size || held_out_odds(&self.after, others, noise) > BEYOND_DOUBT
+    }
+}
+
+/// Reports the step that was undone, if any; returns the gap with the step undone.
 ///
 /// # Errors
 /// Invalid parameters of the camera or mirror.
@@ -21,9 +40,9 @@ pub(crate) fn tell_step(
     findings: &mut Findings<'_>,
     nominal: &Model,
     prepared: &Prepared,
-) -> Result<Option<f64>> {
+) -> Result<Option<BesideStep>> {
     let Some((step, as_logged)) = prepared.step() else { return Ok(None) };
-    let left = seen_size(&findings.after);
+    let beside = BesideStep { size: seen_size(&findings.after), after: findings.after.clone() };
     let measured = findings.search.detector_noise();
     // What slipped was found after the step.
     let mut as_logged = as_logged.clone();
@@ -55,5 +74,5 @@ pub(crate) fn tell_step(
     let others = others.into_iter().filter(|p| p.place.is_some_and(|at| at != Place::Joint(step.node)));
     findings.unexplained = Some(Unexplained { places: core::iter::once(here).chain(others).collect() });
     findings.step = prepared.step().cloned();
-    Ok(Some(left))
+    Ok(Some(beside))
 }

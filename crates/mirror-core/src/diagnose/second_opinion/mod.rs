@@ -33,7 +33,6 @@ use crate::diagnose::prepare::first_day::Memory;
 use crate::diagnose::prepare::first_result::FirstResult;
 use crate::diagnose::prepare::options::{DiagnoseOptions, OtherSession};
 use crate::diagnose::prepare::prepared::Prepared;
-use crate::diagnose::principles::A_GAP;
 use crate::diagnose::report::board_shape::tell;
 use crate::error::Result;
 use crate::robot::Robot;
@@ -87,9 +86,8 @@ fn accepted(
             return Ok(found);
         }
         let mut second = pipeline::diagnose(again, robot, recording, options, others)?;
-        // What leaves a gap that the step does not leave is only its neighbour: a drift, where a zero changed once.
         let is_neighbour =
-            found.left_beside_step.is_some_and(|beside| left(&second.diagnosis) > A_GAP * beside);
+            found.left_beside_step.as_ref().is_some_and(|step| step.is_beyond(&second.after, second.noise));
         if second.diagnosis.verdict != Verdict::Explained || is_neighbour {
             return Ok(found);
         }
@@ -115,8 +113,8 @@ fn accepted(
             continue;
         }
         let mut second = pipeline::diagnose(again, robot, recording, &still, others)?;
-        let believed = match second.left_beside_step {
-            Some(left) => takes_most(left, &found.diagnosis),
+        let believed = match &second.left_beside_step {
+            Some(step) => takes_most(step.size, &found.diagnosis),
             None => reason.believes(&second.diagnosis, &found.diagnosis),
         };
         let ended = !second.budget.is_spent()
