@@ -10,7 +10,7 @@ use crate::diagnose::effects::Place;
 use crate::diagnose::effects::hypothesis::Model;
 use crate::diagnose::model::problem::Noise;
 use crate::diagnose::prepare::prepared::Prepared;
-use crate::diagnose::principles::{A_GAP, BEYOND_DOUBT};
+use crate::diagnose::principles::{A_GAP, LEAST_LOG_ODDS, TEMPER};
 use crate::diagnose::selection::alternatives::held_out_odds;
 use crate::diagnose::selection::nonparametric::{Unexplained, UnexplainedPlace};
 use crate::diagnose::selection::simplify::{name_nothing, named_in_vain};
@@ -28,7 +28,8 @@ impl BesideStep {
     /// Whether what other causes leave in place of the step is clearly more: then they are only its neighbours, as a drift is of a
     /// zero that changed once.
     pub fn is_beyond(&self, others: &[PostureGap], noise: Noise) -> bool {
-        seen_size(others) > A_GAP * self.size || held_out_odds(&self.after, others, noise) > BEYOND_DOUBT
+        let odds = TEMPER * held_out_odds(&self.after, others, noise);
+        seen_size(others) > A_GAP * self.size || odds > LEAST_LOG_ODDS
     }
 }
 

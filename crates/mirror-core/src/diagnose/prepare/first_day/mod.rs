@@ -204,7 +204,7 @@ pub(crate) fn leaves_gross(problem: &Problem, found: &Deformation, recording: &R
     Ok(Chain::new(Vec::new(), Variant::of(recording, problem), &misfit, &frames).is_gross())
 }
 
-/// Whether one cause is enough, and no zero that changes once, where `zeros` may, is far more probable: a drift leaves no gap beside
+/// Whether one cause is enough, and no zero that changes once, where `zeros` may, is clearly more probable: a drift leaves no gap beside
 /// a small step.
 fn is_explained(problem: &Problem, zeros: bool) -> Result<bool> {
     Ok(single_cause::is_enough(problem)? && !(zeros && single_step::find(problem)?.is_some()))

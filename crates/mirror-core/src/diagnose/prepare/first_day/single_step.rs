@@ -14,10 +14,10 @@ use crate::diagnose::likelihood::noise::effective;
 use crate::diagnose::model::elementary::{Atom, Column};
 use crate::diagnose::model::problem::Problem;
 use crate::diagnose::model::solver::SOLVER;
-use crate::diagnose::principles::{A_GAP, BEYOND_DOUBT, FEWEST_FRAMES};
+use crate::diagnose::principles::{A_GAP, FEWEST_FRAMES, LEAST_LOG_ODDS, TEMPER};
 use crate::error::Result;
 
-/// The step that alone leaves no gap, where the likeliest single cause leaves one and is far less probable; `ln (rows × joints)` is the
+/// The step that alone leaves no gap, where the likeliest single cause leaves one and is clearly less probable; `ln (rows × joints)` is the
 /// price of its row and joint.
 ///
 /// # Errors
@@ -55,5 +55,6 @@ pub(super) fn find(problem: &Problem) -> Result<Changes> {
     let against = cause.fitted(noise)?.log_evidence(problem.noise)?;
     let odds = alone.log_evidence - against - ((count * places.len()) as f64).ln();
     step.motion[LAST] = alone.model.group[0];
-    Ok((odds > BEYOND_DOUBT).then(|| (step.mistakes(problem), odds)))
+    // Both are single causes: laws that are never exact count, not a search over many.
+    Ok((TEMPER * odds > LEAST_LOG_ODDS).then(|| (step.mistakes(problem), odds)))
 }
