@@ -31,7 +31,9 @@ def test_a_marker_far_from_its_place_is_that_alone(tmp_path: Path, monkeypatch: 
     assert told == pytest.approx(off_m, abs=5e-4)
 
 
-@pytest.mark.parametrize(("joint", "zero_rad"), [("j1", 0.012), ("j3", 0.012), ("j4", 0.03)])
+@pytest.mark.parametrize(
+    ("joint", "zero_rad"), [("j1", 0.012), ("j3", 0.012), ("j4", 0.012), ("j4", 0.03), ("j5", 0.012)]
+)
 def test_a_zero_that_changes_once_is_no_drift(joint: str, zero_rad: float, tmp_path: Path) -> None:
     once = Wrong(joint, zero_rad=zero_rad, from_row=25)
     found = mp.diagnose(write_tracked(tmp_path / "once", 3, once, std_m=5e-4))

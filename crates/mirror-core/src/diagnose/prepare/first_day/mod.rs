@@ -140,7 +140,7 @@ pub(crate) fn undone(
     }
     out.doubts = choice.doubts;
     // The errors of an unknown joint would look like springs.
-    let mut explained = memory.explained(&out.mistakes, || is_explained(&out.problem, spoilt))?;
+    let mut explained = memory.explained(&out.mistakes, || single_cause::is_enough(&out.problem))?;
     let late = |m: &Mistake| matches!(m, Mistake::Late { .. });
     if !explained
         && known.is_none()
@@ -150,7 +150,7 @@ pub(crate) fn undone(
         && let Some((mistake, odds)) = small_delay::find(&out.problem, &out.recording)?
     {
         out.undo(&mistake, tempered(odds))?;
-        explained = memory.explained(&out.mistakes, || is_explained(&out.problem, spoilt))?;
+        explained = memory.explained(&out.mistakes, || single_cause::is_enough(&out.problem))?;
     }
     if out.lost.is_none()
         && !without.iter().any(|w| w == "gravity_direction")
@@ -159,7 +159,9 @@ pub(crate) fn undone(
     {
         out.undo(&mistake, tempered(odds))?;
     }
-    if !out.unsettled && !explained {
+    // A drift leaves no gap beside a small step of the zero.
+    let stepped = explained && spoilt && single_step::find(&out.problem)?.is_some();
+    if !out.unsettled && (!explained || stepped) {
         // Each round's is at a place that has not slipped yet, so the number of rounds is limited.
         while let Some((mistakes, odds)) = change_point(&out, without, spoilt, memory)? {
             let Some(first) = mistakes.first() else { break };
@@ -202,12 +204,6 @@ pub(crate) fn leaves_gross(problem: &Problem, found: &Deformation, recording: &R
     let misfit = Misfit::given(problem, found)?;
     let frames = spread(&crate::diagnose::likelihood::saturated::postures(problem), FRAMES, 1);
     Ok(Chain::new(Vec::new(), Variant::of(recording, problem), &misfit, &frames).is_gross())
-}
-
-/// Whether one cause is enough, and no zero that changes once, where `zeros` may, is clearly more probable: a drift leaves no gap beside
-/// a small step.
-fn is_explained(problem: &Problem, zeros: bool) -> Result<bool> {
-    Ok(single_cause::is_enough(problem)? && !(zeros && single_step::find(problem)?.is_some()))
 }
 
 /// A slip, or a lost zero of a joint, during the session; a slip and the way back.
