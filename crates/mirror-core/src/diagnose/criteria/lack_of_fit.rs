@@ -16,8 +16,10 @@ const QUANTILE: Threshold = 0.7;
 const LEAST_TAKEN: Guard = 0.5;
 /// With no more redundant rows than this the noise is the stated one, and
 const FEW_LEFT: Threshold = FEWEST_REDUNDANT_ROWS / 2.0;
-/// its variance counts as known from four hundred rows: data sheets and calibrations of trackers are right to some percent.
-const STATED_SCATTER: Prior = 0.005;
+/// its variance counts as known from a hundred rows; that of a measuring device, whose data sheet or calibration states it,
+/// from four hundred.
+const STATED_SCATTER: Prior = 0.02;
+const STATED_SCATTER_OF_DEVICE: Prior = 0.005;
 
 /// The minimum remainder, as a share of the noise's variance: it must be a gap, and significantly above 0. Smaller
 /// remainders are real but negligible.
@@ -62,7 +64,8 @@ pub(crate) fn adequacy(problem: &Problem, deformation: &Deformation, noise: Nois
     let kept = &postures;
     let left: f64 = kept.iter().map(|p| p.freedom_left.max(0.0)).sum();
     // The noise itself is estimated from as many degrees of freedom as the views leave.
-    let scatter = (2.0 / taken.max(1.0) + if left > FEW_LEFT { 2.0 / left } else { STATED_SCATTER }).sqrt();
+    let stated = if problem.camera.is_some() { STATED_SCATTER } else { STATED_SCATTER_OF_DEVICE };
+    let scatter = (2.0 / taken.max(1.0) + if left > FEW_LEFT { 2.0 / left } else { stated }).sqrt();
     let of_corners = corner_excess(problem, deformation, noise)?;
     // A wrong noise widens all postures alike, except the few with false observations. If more postures differ, as
     // in a run of rows in which a joint stood still, it is not the noise.
