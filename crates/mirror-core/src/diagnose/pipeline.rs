@@ -15,6 +15,7 @@ use crate::diagnose::effects::hypothesis::{Catalogue, Model};
 use crate::diagnose::likelihood::fit::Group;
 use crate::diagnose::likelihood::noise;
 use crate::diagnose::likelihood::score_test::screen;
+use crate::diagnose::model::deformation::Deformation;
 use crate::diagnose::model::problem::{Noise, Problem};
 use crate::diagnose::model::work_budget::{A_STAGE, WorkBudget};
 use crate::diagnose::prepare::first_result::FirstResult;
@@ -189,11 +190,7 @@ pub(crate) fn diagnose(
     let (arranged, left_out) = (&prepared.arranged, &prepared.left_out);
     let sources = Sources { given: recording, arranged, left_out };
     diagnosis.data = evidence::data(&sources, &findings)?;
-    diagnosis.warnings.extend(background_was_taken(&diagnosis.data));
-    diagnosis.warnings.extend(came_back(recording, &diagnosis.data));
-    diagnosis.warnings.extend(column_is_spoilt(&prepared, &arranged.frame_numbers));
-    diagnosis.warnings.extend(positions_are_rounded(&findings)?);
-    diagnosis.warnings.extend(noise_may_be_larger(&findings)?);
+    warn_of_data(&mut diagnosis, recording, &prepared, &findings)?;
     reserve(&mut diagnosis, &findings);
     optics_together::limit(&mut diagnosis);
     let not_flat = not_flat(&findings)?;
@@ -202,10 +199,7 @@ pub(crate) fn diagnose(
     }
     // Frames that were passed over on the way out left numbers that mean nothing.
     options.cancel.check()?;
-    let number_of = |left: &LeftOut| arranged.frame_numbers.iter().position(|n| *n == left.frame);
-    let left_out = diagnosis.data.left_out.iter().filter(|l| l.is_false());
-    let known =
-        FirstResult { deformation, false_frames: left_out.filter_map(number_of).collect(), sought: false };
+    let known = first_result(deformation, &diagnosis, arranged);
     let lost = prepared.lost().is_some();
     let budget = prepared.problem.budget.clone();
     let noise = findings.search.detector_noise();
@@ -222,6 +216,28 @@ pub(crate) fn diagnose(
         budget,
         diagnosis,
     })
+}
+
+/// What the data themselves show beside the causes.
+fn warn_of_data(
+    diagnosis: &mut Diagnosis,
+    recording: &Recording,
+    prepared: &Prepared,
+    findings: &Findings<'_>,
+) -> Result<()> {
+    diagnosis.warnings.extend(background_was_taken(&diagnosis.data));
+    diagnosis.warnings.extend(came_back(recording, &diagnosis.data));
+    diagnosis.warnings.extend(column_is_spoilt(prepared, &prepared.arranged.frame_numbers));
+    diagnosis.warnings.extend(positions_are_rounded(findings)?);
+    diagnosis.warnings.extend(noise_may_be_larger(findings)?);
+    Ok(())
+}
+
+/// What a second diagnosis begins with: the deformation found, and the frames in which something was left out as false.
+fn first_result(deformation: Deformation, diagnosis: &Diagnosis, arranged: &Problem) -> FirstResult {
+    let number_of = |left: &LeftOut| arranged.frame_numbers.iter().position(|n| *n == left.frame);
+    let left_out = diagnosis.data.left_out.iter().filter(|l| l.is_false());
+    FirstResult { deformation, false_frames: left_out.filter_map(number_of).collect(), sought: false }
 }
 
 /// Whether slipped rows are still slipped given the causes found.
