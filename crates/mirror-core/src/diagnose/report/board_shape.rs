@@ -5,7 +5,7 @@
 //! its shape, and the noise of the corners, estimated from the views of one posture, contains it. In the board's frame:
 //!
 //! * a corner's displacement over pictures, `d = H⁻¹ g`, `H = Σ JᵀJ / σ²`, `g = Σ Jᵀ r / σ²` ([`super::fields`]), of the first
-//!   half of the session and of the second, less what another place, turn or size of the whole board explains: `d₁ᵀ (H₁ + H₂) d₂`, summed over the corners, is what the shape gains if it is the
+//!   half of the session and of the second: `d₁ᵀ (H₁ + H₂) d₂`, summed over the corners, is what the shape gains if it is the
 //!   same in both. By noise it is 0 on average, also where a corner's errors persist over some pictures;
 //! * in each picture a bend `z = b₁ x² + b₂ xy + b₃ y²`, fitted to its corners: its gain is a chi-squared of 3 degrees of freedom by
 //!   noise alone. The median over the pictures is compared with that distribution's.
@@ -20,16 +20,14 @@ use crate::diagnose::model::deformation::Deformation;
 use crate::diagnose::model::frame::{FrameWork, SeenCorner, Task};
 use crate::diagnose::model::problem::{Noise, Problem};
 use crate::diagnose::model::solver::SOLVER;
-use crate::diagnose::principles::{A_GAP, FAR_DEVIATIONS, Guard, SURE_DEVIATIONS, Size};
+use crate::diagnose::principles::{A_GAP, FAR_DEVIATIONS, Guard, SURE_DEVIATIONS};
 use crate::diagnose::report::fields::{Over, field};
 use crate::error::Result;
 use crate::statistics::{CHI_SQUARED_MEDIANS, median};
-use nalgebra::{Matrix2x3, Matrix3, SMatrix, SVector, Vector2, Vector3};
+use nalgebra::{Matrix2x3, Matrix3, Vector2, Vector3};
 use rayon::prelude::*;
 
 const BOARD: &str = "board";
-/// Numbers of a board's placement: shifts, turns, and its size.
-const PLACEMENT: Size = 7;
 /// Times its noise a marker counts for nothing beside a board's corners.
 const UNHEARD: Guard = 1e4;
 
@@ -77,44 +75,14 @@ struct Robustly {
     gain: f64,
 }
 
-/// How a corner at (x, y) of the grid moves with a board that is shifted, turned or of another size: the numbers of a board that is
-/// flat all the same.
-fn by_placement(corner: &Vector2<f64>) -> SMatrix<f64, 3, PLACEMENT> {
-    let (x, y) = (corner.x, corner.y);
-    SMatrix::<f64, 3, PLACEMENT>::from_row_slice(&[
-        1.0, 0.0, 0.0, 0.0, 0.0, -y, x, //
-        0.0, 1.0, 0.0, 0.0, 0.0, x, y, //
-        0.0, 0.0, 1.0, y, -x, 0.0, 0.0,
-    ])
-}
-
-/// Takes out of corners' displacements what a placement of the whole board explains: `d − P p`, p by least squares with the
-/// corners' information.
-fn without_placement(corners: &[Vector2<f64>], fits: &mut [Option<Robustly>]) {
-    let (mut h, mut g) = (SMatrix::<f64, PLACEMENT, PLACEMENT>::zeros(), SVector::<f64, PLACEMENT>::zeros());
-    for (corner, fit) in corners.iter().zip(fits.iter()) {
-        let (by, Some(fit)) = (by_placement(corner), fit) else { continue };
-        h += by.transpose() * fit.information * by;
-        g += by.transpose() * (fit.information * fit.numbers);
-    }
-    let Some(placed) = h.cholesky().map(|h| h.solve(&g)) else { return };
-    for (corner, fit) in corners.iter().zip(fits.iter_mut()) {
-        if let Some(fit) = fit {
-            fit.numbers -= by_placement(corner) * placed;
-        }
-    }
-}
-
 /// What each corner gains by a displacement that is the same in both halves, times the variance of the noise.
-fn same_in_both(corners: &[Vector2<f64>], first: &[Picture], second: &[Picture], noise_px: f64) -> Vec<f64> {
+fn same_in_both(corners: usize, first: &[Picture], second: &[Picture], noise_px: f64) -> Vec<f64> {
     let fits = |half: &[Picture]| -> Vec<Option<Robustly>> {
-        let mut of_corner = vec![Vec::new(); corners.len()];
+        let mut of_corner = vec![Vec::new(); corners];
         for seen in half.iter().flat_map(|picture| &picture.corners) {
             of_corner[seen.index].push((seen.by_board, seen.residual_px));
         }
-        let mut fits: Vec<_> = of_corner.iter().map(|rows| robustly(rows, noise_px)).collect();
-        without_placement(corners, &mut fits);
-        fits
+        of_corner.iter().map(|rows| robustly(rows, noise_px)).collect()
     };
     let both = fits(first).into_iter().zip(fits(second));
     let gain = |(a, b): (Option<Robustly>, Option<Robustly>)| {
@@ -139,9 +107,8 @@ pub(crate) fn not_flat(findings: &Findings<'_>) -> Result<Option<NotFlat>> {
     // Corners are found better than markers: what is within a marker's noise matters to nothing.
     let matters = (noise.marker_px / noise.corner_px).max(1.0).powi(2);
     let rows = matters * 2.0 * pictures.iter().map(|picture| picture.corners.len() as f64).sum::<f64>();
-    let grid: Vec<Vector2<f64>> = problem.corners.iter().map(|c| Vector2::new(c.x, c.y)).collect();
     let (first, second) = pictures.split_at(pictures.len() / 2);
-    let gains = same_in_both(&grid, first, second, noise.corner_px);
+    let gains = same_in_both(problem.corners.len(), first, second, noise.corner_px);
     let gained = gains.iter().sum::<f64>() / noise.corner_px.powi(2);
     // Errors of a corner that persist over most of a session have a tenth of the rows' squares.
     if is_seen(gained, 3.0 * gains.len() as f64, noticeable_excess() * rows) {
