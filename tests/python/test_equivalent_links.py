@@ -17,7 +17,7 @@ from lifting_column import Floats, rotation
 
 NOISE_M = 2.5e-4
 HEAD = 'format = "mirror-posture/session"\nversion = 1\nrobot = "robot.urdf"\nroot = "base"\ngravity = [0.0, 0.0, -9.81]\n'
-Z, X = np.array([0.0, 0.0, 1.0]), np.array([1.0, 0.0, 0.0])
+Z = np.array([0.0, 0.0, 1.0])
 
 
 def joint(name: str, kind: str, parent: str, child: str, at: tuple[float, ...], more: str = "") -> str:

@@ -10,6 +10,7 @@ use crate::diagnose::likelihood::saturated::postures;
 use crate::diagnose::likelihood::score_test::Score;
 use crate::diagnose::principles::{LEAST_LOG_ODDS, Size};
 use crate::diagnose::selection::competing::Competing;
+use crate::diagnose::selection::linear_scales::InPlace;
 use crate::diagnose::selection::linear_search::LinearSearch;
 use crate::diagnose::selection::reduced_equations::Equations;
 use crate::diagnose::selection::standing::Standing;
@@ -27,10 +28,11 @@ const MOST_BLOCKS: Size = 64;
 /// Shares of the resamples in which the same was selected.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Stability {
-    /// Of each term of the model, its posterior probability among its alternatives in each resample counted; none of
-    /// free-form errors.
+    /// Of each term of the model; none of free-form errors.
     pub terms: Vec<Option<f64>>,
-    /// Of the term or of an alternative that the data cannot separate from it.
+    /// The mean of its probabilities among its alternatives: the bagged posterior.
+    pub posterior: Vec<Option<f64>>,
+    /// The share of the term or of an alternative that the data cannot separate from it.
     pub or_rivals: Vec<Option<f64>>,
     /// Of each displaced mount that was requested.
     pub mounts: Vec<f64>,
@@ -39,8 +41,8 @@ pub(crate) struct Stability {
 /// What a resample's search found.
 struct CameOut {
     hypotheses: Vec<usize>,
-    /// The probability of each term of the model among its alternatives.
-    terms: Vec<f64>,
+    /// Each term of the model among its alternatives.
+    terms: Vec<InPlace>,
     /// Whether each mount is displaced.
     displaced: Vec<bool>,
 }
@@ -59,7 +61,12 @@ pub(crate) fn stability(
     let named = model.terms.iter().filter(|t| !findings.search.catalogue.is_free(t.hypothesis)).count();
     if named == 0 && mounts.is_empty() {
         let none = vec![None; model.terms.len()];
-        return Ok(Stability { terms: none.clone(), or_rivals: none, mounts: Vec::new() });
+        return Ok(Stability {
+            terms: none.clone(),
+            posterior: none.clone(),
+            or_rivals: none,
+            mounts: Vec::new(),
+        });
     }
     let order = postures(&findings.search.problem);
     let size = order.len().div_ceil(MOST_BLOCKS).max(1);
@@ -93,8 +100,8 @@ pub(crate) fn stability(
             }
             let weighed = whole.search(&whole.sum(&weights))?;
             let hypotheses = weighed.set.iter().map(|&c| whole.candidates[c].hypothesis).collect();
-            let share = |(i, term): (usize, &Term)| whole.share(&weighed, term.hypothesis, &rivals[i]);
-            let terms = model.terms.iter().enumerate().map(share).collect::<Option<_>>()?;
+            let of = |(i, term): (usize, &Term)| whole.in_place(&weighed, term.hypothesis, &rivals[i]);
+            let terms = model.terms.iter().enumerate().map(of).collect::<Option<_>>()?;
             let displaced = displaced(&whole, &weighed.scaled.equations, &weighed.set, mounts)?;
             Some(CameOut { hypotheses, terms, displaced })
         })
@@ -110,7 +117,8 @@ pub(crate) fn stability(
     let named = |i: usize| !findings.search.catalogue.is_free(model.terms[i].hypothesis);
     let count = model.terms.len();
     Ok(Stability {
-        terms: (0..count).map(|i| named(i).then(|| mean(&|r| r.terms[i]))).collect(),
+        terms: (0..count).map(|i| named(i).then(|| share(&|r| r.terms[i].comes_out))).collect(),
+        posterior: (0..count).map(|i| named(i).then(|| mean(&|r| r.terms[i].probability))).collect(),
         or_rivals: (0..count).map(|i| named(i).then(|| or_rivals(i))).collect(),
         mounts: (0..mounts.len()).map(|k| share(&|r| r.displaced[k])).collect(),
     })

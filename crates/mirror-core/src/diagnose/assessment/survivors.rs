@@ -3,8 +3,8 @@
 //! Where the model is not exact, the evidence counts a misfit that postures share once for each observation. A cause
 //! that only absorbs part of such a misfit then gets log odds of tens and hundreds. Resampled postures vary with
 //! such a misfit; the likelihood does not. So a cause is named only if it, or an inseparable alternative, is
-//! selected again in more than half of the resamples, or if it is needed for prediction. No probability exceeds the
-//! stability: the bagged posterior. Where a remainder shows that the model is wrong, a selection of the cause's
+//! selected again in more than half of the resamples, or if it is needed for prediction. No probability exceeds the mean
+//! of those in the resamples: the bagged posterior. Where a remainder shows that the model is wrong, a selection of the cause's
 //! alternatives counts as well.
 //!
 //! Source: Huggins and Miller, "Robust inference and model selection using bagged posteriors" (2020).
@@ -37,7 +37,8 @@ use crate::error::Result;
 /// Invalid parameters of the camera or mirror.
 pub(crate) fn keep_survivors(findings: &mut Findings<'_>, ranking: &[Score]) -> Result<()> {
     let found_again = stability(findings, &findings.standings, ranking, &[])?;
-    let (mut shares, mut alone) = (found_again.or_rivals, found_again.terms);
+    let mut shares = found_again.or_rivals;
+    let mut posterior = found_again.posterior;
     // The alternative of a possible small error is that it is one: if other causes replace it, it counts as not
     // selected.
     for (i, term) in findings.found.fit.model.terms.iter().enumerate() {
@@ -46,7 +47,7 @@ pub(crate) fn keep_survivors(findings: &mut Findings<'_>, ranking: &[Score]) -> 
             .as_ref()
             .is_some_and(|group| group.holds(findings.search.catalogue, term.hypothesis))
         {
-            shares[i] = alone[i];
+            shares[i] = found_again.terms[i];
         }
     }
     let mut order: Vec<usize> = (0..shares.len()).filter(|&i| shares[i].is_some()).collect();
@@ -69,18 +70,19 @@ pub(crate) fn keep_survivors(findings: &mut Findings<'_>, ranking: &[Score]) -> 
     gone.sort_unstable();
     for i in gone.into_iter().rev() {
         shares.remove(i);
-        alone.remove(i);
+        posterior.remove(i);
     }
     let remainder = findings.unexplained.is_some();
     // A cause that was chosen again is the last, and has no share.
-    for (standing, (share, alone)) in findings.standings.iter_mut().zip(shares.into_iter().zip(alone)) {
-        let (Some(standing), Some(share), Some(alone)) = (standing, share, alone) else { continue };
+    let told = shares.into_iter().zip(posterior);
+    for (standing, (share, posterior)) in findings.standings.iter_mut().zip(told) {
+        let (Some(standing), Some(share), Some(posterior)) = (standing, share, posterior) else { continue };
         if remainder {
             standing.probability *= share;
         }
         // What every resample finds again is not limited by how many there are.
-        if alone < 1.0 {
-            standing.limited(bagged(alone), (share - alone).max(0.0) / (1.0 - alone));
+        if posterior < 1.0 {
+            standing.limited(bagged(posterior), (share - posterior).max(0.0) / (1.0 - posterior));
         }
     }
     likelier_instead(findings)?;

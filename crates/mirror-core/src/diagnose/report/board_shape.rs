@@ -1,6 +1,8 @@
 //! Whether the board is flat: corners that lie beside their grid in the same way in all pictures, or in each picture in
 //! another way.
 //!
+//! Each picture's mirror is found from its corners alone here: wrong markers would turn it, and bend the board.
+//!
 //! A board that is bent, or on paper that flutters, gives a wrong mirror in each picture. No effect of the vocabulary has
 //! its shape, and the noise of the corners, estimated from the views of one posture, contains it. In the board's frame:
 //!
@@ -151,7 +153,6 @@ struct Bend {
 
 fn pictures(problem: &Problem, deformation: &Deformation, noise: Noise) -> Result<Vec<Picture>> {
     let eye = problem.eye(deformation)?;
-    // A picture's mirror from its corners alone: what is wrong with the markers would turn it, and bend the board.
     let noise = Noise { marker_px: UNHEARD * noise.marker_px, ..noise };
     let task = Task { with_board: true, ..Task::of_residuals(problem, deformation, eye.as_ref(), noise) };
     let half = problem.corners.iter().map(|c| c.x.abs().max(c.y.abs())).fold(f64::MIN_POSITIVE, f64::max);

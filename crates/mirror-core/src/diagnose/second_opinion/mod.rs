@@ -7,7 +7,7 @@
 //!
 //! | reason for doubt in the first | the second diagnosis | it is accepted if it |
 //! | --- | --- | --- |
-//! | a column is not used, or a joint has another zero from a row on: neither is a named cause | assumes neither | explains everything, without a mistake of a column, or slips in place of the zero, and leaves no gap that the other zero does not leave. It may give reason for doubt itself |
+//! | a column is not used, or a joint has another zero from a row on: neither is a named cause | assumes neither | explains everything, without a mistake of a column, or slips in place of the zero, and predicts held-out regions not clearly worse than the other zero does. It may give reason for doubt itself |
 //! | a ratio is named twice at one joint, or does not differ from the model's; a picture of another size together with a focal length that cancels it; a slip by fewer than twelve deviations; slipped rows that fit their own postures once the causes are known | leaves out that mistake | explains everything, or leaves no larger gap |
 //! | gravity is named as turned, and something is unexplained, or no cause of its own depends on a load and moves a part of the gap | leaves out that; small errors everywhere, if they were named, are tried in place of all causes | explains everything, or leaves no larger gap |
 //! | several markers are named on other links | leaves out that | explains everything, and leaves no larger gap, or one by less than held-out regions show |

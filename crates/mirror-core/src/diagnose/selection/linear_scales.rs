@@ -1,6 +1,7 @@
 //! Sets of causes in one linear model, each with the scales of small errors everywhere that it leaves.
 
 use crate::diagnose::likelihood::covariance::variances;
+use crate::diagnose::principles::Guard;
 use crate::diagnose::selection::linear_search::{LinearSearch, is_same_set};
 use crate::diagnose::selection::reduced_equations::{Equations, Reduced};
 use nalgebra::{DMatrix, DVector};
@@ -17,6 +18,23 @@ pub(crate) struct WeighedSet {
     pub log_posterior: f64,
     pub scaled: Scaled,
 }
+
+/// How a cause stands in a set against its alternatives.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct InPlace {
+    /// `1 / Σ exp(l_k − l)`, with the log posterior odds l of each in the place of the one of them that the set has.
+    pub probability: f64,
+    /// Whether the set has it, or one of them that is no more probable: of several that no data can separate the one at which a
+    /// search ends is chance.
+    pub comes_out: bool,
+}
+
+impl InPlace {
+    const NOT: Self = Self { probability: 0.0, comes_out: false };
+}
+
+/// Log posterior odds nearer to each other than this are equal.
+const AS_PROBABLE: Guard = 1e-6;
 
 impl LinearSearch<'_> {
     /// The causes that the search finds from nothing or from those that were found, whichever are more probable,
@@ -44,28 +62,30 @@ impl LinearSearch<'_> {
         Some(if found.log_posterior >= nothing.log_posterior { found } else { nothing })
     }
 
-    /// The posterior probability of a hypothesis against its alternatives in the place of the one of them that a set has:
-    /// `1 / Σ exp(l_k − l)`, with the log posterior odds l of each. 0 where the set has none of them. Of several that no
-    /// data can separate the one that a search ends at is chance; their shares are equal.
-    pub fn share(&self, weighed: &WeighedSet, hypothesis: usize, alternatives: &[usize]) -> Option<f64> {
+    /// A hypothesis in a set, against its alternatives; none where numbers overflow.
+    pub fn in_place(
+        &self,
+        weighed: &WeighedSet,
+        hypothesis: usize,
+        alternatives: &[usize],
+    ) -> Option<InPlace> {
         let is_it = |c: usize| self.candidates[c].hypothesis == hypothesis;
         let competes = |c: usize| is_it(c) || alternatives.contains(&self.candidates[c].hypothesis);
         let set = &weighed.set;
-        let Some(at) = set.iter().position(|&c| is_it(c)).or_else(|| set.iter().position(|&c| competes(c)))
-        else {
-            return Some(0.0);
-        };
-        let Some(own) = (0..self.candidates.len()).find(|&c| is_it(c)) else { return Some(0.0) };
-        let others: Vec<usize> = set.iter().copied().filter(|&c| c != set[at]).collect();
+        let selected = set.iter().find(|&&c| is_it(c)).or_else(|| set.iter().find(|&&c| competes(c)));
+        let own = (0..self.candidates.len()).find(|&c| is_it(c));
+        let Some((&selected, own)) = selected.zip(own) else { return Some(InPlace::NOT) };
+        let others: Vec<usize> = set.iter().copied().filter(|&c| c != selected).collect();
         let base = self.base(&weighed.scaled.reduced, &others, None)?;
         let odds = |c: usize| self.odds((&weighed.scaled.reduced, &base), &others, c);
         let of_it = odds(own);
         if of_it == f64::NEG_INFINITY {
-            return Some(0.0);
+            return Some(InPlace::NOT);
         }
         let in_place = (0..self.candidates.len()).filter(|&c| competes(c) && !others.contains(&c));
         let total: f64 = in_place.map(|c| (odds(c) - of_it).exp()).sum();
-        Some(1.0 / total)
+        let comes_out = selected == own || of_it > odds(selected) - AS_PROBABLE;
+        Some(InPlace { probability: 1.0 / total, comes_out })
     }
 
     /// A set with the scales that it leaves; none where numbers overflow.

@@ -10,7 +10,7 @@ pub(super) mod extended_models;
 mod free_form_start;
 pub(super) mod large_members;
 pub(super) mod law_remainder;
-mod linear_scales;
+pub(crate) mod linear_scales;
 pub(super) mod linear_search;
 mod linear_standings;
 mod linear_start;

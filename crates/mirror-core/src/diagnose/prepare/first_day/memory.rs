@@ -33,6 +33,7 @@ type Found = Option<(Mistake, f64)>;
 #[derive(Default)]
 pub(crate) struct Memory {
     explained: Known<bool>,
+    stepped: Known<bool>,
     gravity: Known<Found>,
     /// Without and with changes of joints' zeros.
     slips: [Known<Changes>; 2],
@@ -55,6 +56,15 @@ impl Memory {
         find: impl FnOnce() -> Result<bool>,
     ) -> Result<bool> {
         self.explained.remembered(undone, find)
+    }
+
+    /// Whether a zero that changes once explains it better.
+    pub(super) fn stepped(
+        &mut self,
+        undone: &[Mistake],
+        find: impl FnOnce() -> Result<bool>,
+    ) -> Result<bool> {
+        self.stepped.remembered(undone, find)
     }
 
     /// Gravity in another direction.

@@ -160,7 +160,9 @@ pub(crate) fn undone(
         out.undo(&mistake, tempered(odds))?;
     }
     // A drift leaves no gap beside a small step of the zero.
-    let stepped = explained && spoilt && single_step::find(&out.problem)?.is_some();
+    let stepped = explained
+        && spoilt
+        && memory.stepped(&out.mistakes, || Ok(single_step::find(&out.problem)?.is_some()))?;
     if !out.unsettled && (!explained || stepped) {
         // Each round's is at a place that has not slipped yet, so the number of rounds is limited.
         while let Some((mistakes, odds)) = change_point(&out, without, spoilt, memory)? {

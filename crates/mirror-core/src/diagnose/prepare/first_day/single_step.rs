@@ -1,7 +1,8 @@
 //! A joint's zero that changes once, as the only thing that is wrong.
 //!
 //! Where many small errors are free at once ([`super::changes`]), they absorb most of a small step, and no slip is clear. Alone it
-//! may leave nothing, where no single cause does: a drift over the session, its nearest neighbour, leaves the step's saw tooth.
+//! may leave nothing, and be clearly more probable than any single cause: a drift over the session, its nearest neighbour, leaves the
+//! step's saw tooth, which may be less than a gap.
 
 use super::by_frame::What;
 use super::changes::{LAST, ZERO_STD, of_zeros, over, scan};
@@ -17,8 +18,8 @@ use crate::diagnose::model::solver::SOLVER;
 use crate::diagnose::principles::{A_GAP, FEWEST_FRAMES, LEAST_LOG_ODDS, TEMPER};
 use crate::error::Result;
 
-/// The step that alone leaves no gap, where the likeliest single cause leaves one and is clearly less probable; `ln (rows × joints)` is the
-/// price of its row and joint.
+/// The step that alone leaves no gap, where the likeliest single cause is clearly less probable; `ln (rows × joints)` is the price of its
+/// row and joint. Each is one cause, so the odds are those at which a cause is named.
 ///
 /// # Errors
 /// Invalid parameters of camera or mirror.
@@ -55,6 +56,5 @@ pub(super) fn find(problem: &Problem) -> Result<Changes> {
     let against = cause.fitted(noise)?.log_evidence(problem.noise)?;
     let odds = alone.log_evidence - against - ((count * places.len()) as f64).ln();
     step.motion[LAST] = alone.model.group[0];
-    // Both are single causes: laws that are never exact count, not a search over many.
     Ok((TEMPER * odds > LEAST_LOG_ODDS).then(|| (step.mistakes(problem), odds)))
 }
