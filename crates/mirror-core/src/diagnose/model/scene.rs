@@ -239,6 +239,12 @@ impl Scene {
         high - low > NEGLIGIBLE
     }
 
+    /// Whether the joint was commanded to a position other than its zero.
+    pub fn leaves_zero(&self, node: NodeId) -> bool {
+        let (low, high) = self.commanded_range[node];
+        high.max(-low) > NEGLIGIBLE
+    }
+
     /// Largest torque (N m, absolute) that gravity puts on a joint in this session.
     pub fn largest_torque(&self, node: NodeId) -> f64 {
         (0..self.frames).map(|f| self.torque(f, node).abs()).fold(0.0, f64::max)

@@ -71,7 +71,8 @@ impl Prepared {
         let in_doubt = undone.as_ref().is_some_and(|u| u.lost.is_some());
         let slip = if options.allows("pairing") && !in_doubt {
             let scatter = noise::effective(&problem, &nominal, problem.noise, None)?;
-            row_slip::find(&problem, scatter)?
+            let found = row_slip::find(&problem, scatter)?;
+            found.map(|slip| row_slip::with_overwritten_rows(&problem, slip)).transpose()?
         } else {
             None
         };

@@ -3,12 +3,14 @@
 //! For every shift s the frames are also predicted with the commanded posture of s rows away. A run is slipped if
 //! that fits far better than the frame's own posture, and far better than the scatter of the rest would by chance.
 
+use crate::diagnose::likelihood::noise::effective;
 use crate::diagnose::likelihood::normal_equations::chunks;
 use crate::diagnose::model::deformation::Deformation;
 use crate::diagnose::model::frame::{FrameWork, Task};
 use crate::diagnose::model::problem::{Noise, Problem};
 use crate::diagnose::principles::{BEYOND_DOUBT, FEWEST_POSTURES, NEARLY_ALL, Prior};
 use crate::error::Result;
+use crate::statistics::median;
 use rayon::prelude::*;
 
 /// Rows that a measurement may have slipped.
@@ -76,6 +78,36 @@ pub(crate) fn find(problem: &Problem, noise: Noise) -> Result<Option<Slip>> {
     // If it is nearly all rows, the log is late, or the measurements are: found as a gross mistake, or not known.
     let nearly_all = |b: &Slip| (b.last + 1 - b.first) as f64 >= NEARLY_ALL * frames as f64;
     Ok(best.filter(|b| !nearly_all(b)))
+}
+
+/// A run with the rows beside it whose positions are in no row. Where a run of the log contains the positions of k rows
+/// later, the measurement of row i fits row i − k, and the positions of the run's own first k rows are overwritten; where
+/// it contains those of k rows before, its last k rows'. They count as slipped where they are far from their own posture
+/// at the scatter of the rows outside.
+///
+/// # Errors
+/// Invalid parameters of the camera or mirror.
+pub(crate) fn with_overwritten_rows(problem: &Problem, mut slip: Slip) -> Result<Slip> {
+    let (frames, reach) = (problem.frames.len(), slip.shift.unsigned_abs() as usize);
+    let before = slip.shift < 0;
+    let beside = if before {
+        slip.first.saturating_sub(reach)..slip.first
+    } else {
+        slip.last + 1..(slip.last + 1 + reach).min(frames)
+    };
+    let in_run = slip.first..=slip.last;
+    let outside: Vec<bool> = (0..frames).map(|f| !in_run.contains(&f) && !beside.contains(&f)).collect();
+    let scatter = effective(problem, &problem.nominal(), problem.noise, Some(&outside))?;
+    let own = costs(problem, Problem::nominal, scatter, 0)?;
+    let usual =
+        median(own.iter().zip(&outside).filter(|(_, out)| **out).filter_map(|(cost, _)| *cost).collect());
+    let is_far = |f: &usize| own[*f].is_some_and(|cost| cost > usual + 2.0 * BEYOND_DOUBT);
+    if before {
+        slip.first -= beside.rev().take_while(is_far).count();
+    } else {
+        slip.last += beside.take_while(is_far).count();
+    }
+    Ok(slip)
 }
 
 /// Whether a run of slipped rows is still slipped given the causes found: with a wrong scale the neighbours of a

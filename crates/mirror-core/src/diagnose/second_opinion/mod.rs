@@ -9,6 +9,7 @@
 //! | --- | --- | --- |
 //! | a column is not used, or a joint has another zero from a row on: neither is a named cause | assumes neither | explains everything, without a mistake of a column, or slips in place of the zero, and predicts held-out regions not clearly worse than the other zero does. It may give reason for doubt itself |
 //! | a ratio is named twice at one joint, or does not differ from the model's; a picture of another size together with a focal length that cancels it; a slip by fewer than twelve deviations; slipped rows that fit their own postures once the causes are known | leaves out that mistake | explains everything, or leaves no larger gap |
+//! | a delay is named that does not differ from none | leaves out delays | explains everything, or leaves no larger gap. It may give reason for doubt itself |
 //! | gravity is named as turned, and something is unexplained, or no cause of its own depends on a load and moves a part of the gap | leaves out that; small errors everywhere, if they were named, are tried in place of all causes | explains everything, or leaves no larger gap |
 //! | several markers are named on other links | leaves out that | explains everything, and leaves no larger gap, or one by less than held-out regions show |
 //! | a joint's error is independent in each posture, together with a mistake of its column, a marker on another link, or slipped rows | leaves out all such mistakes | leaves less than twice as much. It is always accepted if these errors are more than half of what the column moves: the column is unrelated to the joint |
@@ -36,7 +37,7 @@ use crate::diagnose::prepare::prepared::Prepared;
 use crate::diagnose::report::board_shape::tell;
 use crate::error::Result;
 use crate::robot::Robot;
-use reason::{Reason, hardly_slipped, is_of_a_column, left, takes_most};
+use reason::{LATE, Reason, explains, hardly_slipped, is_late_by_nothing, is_of_a_column, left, takes_most};
 
 /// Diagnoses a recording: where the model is wrong, which effect causes it, how far the gap shrinks.
 ///
@@ -50,7 +51,20 @@ pub fn diagnose(
     options: &DiagnoseOptions,
     others: &[OtherSession],
 ) -> Result<Diagnosis> {
-    let Outcome { mut diagnosis, not_flat, .. } = accepted(robot, recording, options, others)?;
+    let mut memory = Memory::default();
+    let mut found = accepted(robot, recording, options, others, &mut memory)?;
+    if is_late_by_nothing(&found.diagnosis.causes) && !is_over(&mut found) {
+        // With the log in time it may give reason for doubt as any other diagnosis does.
+        let mut in_time = options.clone();
+        in_time.without.push(LATE.into());
+        let mut second = accepted(robot, recording, &in_time, others, &mut memory)?;
+        if explains(&second.diagnosis) || left(&second.diagnosis) <= left(&found.diagnosis) {
+            let words = "second diagnosis accepted: a delay that does not differ from none was a part of another cause";
+            second.diagnosis.trace.insert(0, words.into());
+            found = second;
+        }
+    }
+    let Outcome { mut diagnosis, not_flat, .. } = found;
     if let Some(not_flat) = not_flat {
         tell(&mut diagnosis, not_flat);
     }
@@ -63,12 +77,12 @@ fn accepted(
     recording: &Recording,
     options: &DiagnoseOptions,
     others: &[OtherSession],
+    memory: &mut Memory,
 ) -> Result<Outcome> {
     let hung = options.allows("pairing");
-    let mut memory = Memory::default();
     let mut prepared = |options: &DiagnoseOptions, known: Option<&FirstResult>, spoilt: bool| {
         options.progress.enter("searching for gross mistakes");
-        Prepared::new(robot, recording, options, known, (hung, spoilt), &mut memory)
+        Prepared::new(robot, recording, options, known, (hung, spoilt), memory)
     };
     let at_first = prepared(options, None, true)?;
     let mut mistakes = at_first.mistakes().to_vec();

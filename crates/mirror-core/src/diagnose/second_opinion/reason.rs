@@ -20,6 +20,8 @@ const GROUP: &str = "geometry";
 const RESIZED: (&str, &str) = ("camera_resolution", "camera_focal");
 /// A ratio as a gross mistake is tried as another unit of the joint; both are reported under the same name.
 const RATIO: (&str, &str) = ("joint_unit", "gear_ratio");
+/// Columns, or all of the log, that contain later rows' positions.
+pub(super) const LATE: &str = "joint_late";
 /// A marker that a joint seems not to move, because its column is unrelated to it.
 const ON_ANOTHER_LINK: &str = "marker_parent";
 /// Mistakes that also appear if a column is unrelated to its joint: scaled to zero, with the other sign, exchanged,
@@ -28,7 +30,7 @@ const OF_A_COLUMN: [&str; 8] = [
     "joint_unit",
     "axis_sign",
     "joints_swapped",
-    "joint_late",
+    LATE,
     "joint_frozen",
     "joint_offset",
     PAIRING,
@@ -272,8 +274,18 @@ pub(super) fn is_told_twice(causes: &[Cause]) -> bool {
 
 /// Whether a named ratio does not differ from the model's, within its own deviation.
 pub(super) fn is_of_no_size(causes: &[Cause]) -> bool {
-    let of_ratios = causes.iter().filter(|c| c.effect == RATIO.1);
-    of_ratios.flat_map(|c| c.parameters.values()).any(|e| e.value.abs() < SURE_DEVIATIONS * e.std)
+    has_no_size(causes, RATIO.1)
+}
+
+/// Whether a named delay does not differ from none, within its own deviation.
+pub(super) fn is_late_by_nothing(causes: &[Cause]) -> bool {
+    has_no_size(causes, LATE)
+}
+
+/// Whether a parameter of a cause of this effect is no number that is there.
+fn has_no_size(causes: &[Cause], effect: &str) -> bool {
+    let of_effect = causes.iter().filter(|c| c.effect == effect);
+    of_effect.flat_map(|c| c.parameters.values()).any(|e| e.value.abs() < SURE_DEVIATIONS * e.std)
 }
 
 /// Whether a slip is so small that it may be a part of what another cause moves: six deviations are no chance, and
@@ -286,7 +298,7 @@ pub(super) fn hardly_slipped(cause: &Cause) -> bool {
 }
 
 /// Whether nothing is left unexplained.
-fn explains(diagnosis: &Diagnosis) -> bool {
+pub(super) fn explains(diagnosis: &Diagnosis) -> bool {
     !leaves_something(diagnosis.verdict)
 }
 

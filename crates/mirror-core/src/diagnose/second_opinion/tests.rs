@@ -1,7 +1,8 @@
 //! Which results of a first diagnosis are a reason for a second one.
 
 use super::reason::{
-    FIRST_FRAME, Reason, SLIP, hardly_slipped, is_of_no_size, is_told_twice, is_turned_in_vain,
+    FIRST_FRAME, LATE, Reason, SLIP, hardly_slipped, is_late_by_nothing, is_of_no_size, is_told_twice,
+    is_turned_in_vain,
 };
 use crate::diagnose::data::diagnosis::{Cause, Estimate, Verdict};
 
@@ -36,6 +37,16 @@ fn only_a_ratio_twice_at_one_joint_is_told_twice() {
             && !is_of_no_size(&[ratio(-0.02)])
             && !is_of_no_size(core::slice::from_ref(&a))
     );
+}
+
+#[test]
+fn a_delay_within_its_own_deviation_is_asked_of_twice() {
+    let late = |delay: f64| {
+        let delay = ("delay_s".to_owned(), Estimate { value: delay, std: 0.007 });
+        Cause { parameters: [delay].into_iter().collect(), ..cause(LATE, "robot") }
+    };
+    assert!(is_late_by_nothing(&[late(0.0004)]) && is_late_by_nothing(&[late(-0.01)]));
+    assert!(!is_late_by_nothing(&[late(0.05)]) && !is_late_by_nothing(&[cause("drift", "joint:a")]));
 }
 
 #[test]

@@ -4,7 +4,7 @@ use super::gap_world::{Plan, World, Wrong};
 use crate::diagnose::effects::hypothesis::{Catalogue, Model};
 use crate::diagnose::effects::vocabulary;
 use crate::diagnose::model::problem::{Noise, Problem};
-use crate::diagnose::prepare::row_slip::{Slip, is_slipped};
+use crate::diagnose::prepare::row_slip::{Slip, find, is_slipped, with_overwritten_rows};
 use crate::diagnose::selection::search::Search;
 use crate::robot::Robot;
 use std::sync::Arc;
@@ -34,4 +34,28 @@ fn rows_are_slipped_where_other_rows_fit_them_beside_the_causes_and_in_order_whe
     let found = |p: &Problem| fit.model.deformation(p, &catalogue, &[]);
     assert!(is_slipped(&problem, found, NOISE, &moved).unwrap());
     assert!(!is_slipped(&problem, found, NOISE, &in_order).unwrap());
+}
+
+#[test]
+fn rows_whose_positions_a_run_has_overwritten_count_as_slipped() {
+    let world = World::new(4, true);
+    let robot = Robot::from_urdf_str(&world.urdf()).unwrap();
+    let plan = Plan { postures: 40, views: 1, noise_px: 0.15, ..Plan::default() };
+    let noise = super::prior::NOISE;
+    let run = |overwrite: &dyn Fn(usize) -> usize| {
+        let mut recording = world.record(&plan);
+        let rows: Vec<_> = recording.frames.iter().map(|f| f.commanded.clone()).collect();
+        for f in 12..=25 {
+            recording.frames[f].commanded.clone_from(&rows[overwrite(f)]);
+        }
+        let problem = Problem::new(&robot, &recording).unwrap();
+        let found = find(&problem, Noise { marker_px: 20.0, ..noise }).unwrap().unwrap();
+        (found, with_overwritten_rows(&problem, found).unwrap())
+    };
+    let (found, whole) = run(&|f| f + 3);
+    assert_eq!((found.shift, whole.first, whole.last), (-3, 12, found.last));
+    assert!(found.first > 12);
+    let (found, whole) = run(&|f| f - 3);
+    assert_eq!((found.shift, whole.first, whole.last), (3, found.first, 25));
+    assert!(found.last < 25);
 }

@@ -243,11 +243,12 @@ impl<'a> Session<'a> {
                 let seen: Vec<usize> = (0..own.len()).filter(|&f| shows(self.problem, f, a, b)).collect();
                 // If both places look alike a frame gives no information; so a share that is nearly all counts as
                 // all.
-                if frames.len() as f64 >= NEARLY_ALL * seen.len() as f64 {
+                let always = frames.len() as f64 >= NEARLY_ALL * seen.len() as f64;
+                if always {
                     frames = seen;
                 }
                 if frames.len() > 1 {
-                    out.push(Mistake::MarkersSwapped { markers: (a, b), frames });
+                    out.push(Mistake::MarkersSwapped { markers: (a, b), frames, always });
                 }
             }
         }

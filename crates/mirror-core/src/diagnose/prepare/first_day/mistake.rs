@@ -59,7 +59,7 @@ pub(crate) enum Mistake {
     /// The joint has another zero from a row on, rad or m: added to the column. No public name.
     ZeroLost { joint: usize, first: usize, offset: f64 },
     /// Two markers' names exchanged in these frames.
-    MarkersSwapped { markers: (usize, usize), frames: Vec<usize> },
+    MarkersSwapped { markers: (usize, usize), frames: Vec<usize>, always: bool },
     /// The camera's parameters are of another resolution: multiplied by the factor.
     Resolution { factor: f64, offset_px: Vector2<f64> },
     /// The picture is mirrored: 1 left and right, 2 up and down, 3 both.
@@ -132,7 +132,7 @@ impl Mistake {
                     rows[f].clone_from(&old[from]);
                 }
             }
-            Self::MarkersSwapped { markers, ref frames } => {
+            Self::MarkersSwapped { markers, ref frames, .. } => {
                 frames.iter().for_each(|&f| variant.exchange_labels(f, markers));
             }
             Self::Squares { factor } => variant.squares *= factor,
@@ -175,7 +175,7 @@ impl Mistake {
                 }
             }
             Self::BoardTurned { quarters } => turn_board(recording, *quarters),
-            Self::MarkersSwapped { markers, frames } => {
+            Self::MarkersSwapped { markers, frames, .. } => {
                 for &f in frames {
                     exchange(&mut recording.frames[f], *markers);
                 }
@@ -265,6 +265,7 @@ impl Mistake {
             | Self::ColumnsSwapped { .. }
             | Self::PointsMirrored { .. }
             | Self::AllUnits { .. } => true,
+            Self::MarkersSwapped { always, .. } => *always,
             Self::JointUnit { factor, .. } => is_unit(*factor),
             Self::Zero { offset, .. } => (offset / FRAC_PI_2).fract() == 0.0,
             _ => false,

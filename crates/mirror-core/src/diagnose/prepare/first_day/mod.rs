@@ -142,7 +142,9 @@ pub(crate) fn undone(
     // The errors of an unknown joint would look like springs.
     let mut explained = memory.explained(&out.mistakes, || single_cause::is_enough(&out.problem))?;
     let late = |m: &Mistake| matches!(m, Mistake::Late { .. });
+    // Rows that contain other rows' measurements are late by whole rows.
     if !explained
+        && !out.unsettled
         && known.is_none()
         && out.lost.is_none()
         && !without.iter().any(|w| w == "joint_late")

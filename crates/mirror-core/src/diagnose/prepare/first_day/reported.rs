@@ -121,7 +121,7 @@ pub(super) fn reported(
         }
         // It is told where what is left is: there is no word for it.
         Mistake::ColumnLost { .. } | Mistake::ZeroLost { .. } => Vec::new(),
-        Mistake::MarkersSwapped { markers: (a, b), frames } => {
+        Mistake::MarkersSwapped { markers: (a, b), frames, .. } => {
             let seen = seen_in(problem, *a, *b).max(1) as f64;
             let share = (frames.len() as f64 / seen).min(1.0);
             let std = (share * (1.0 - share) / seen).sqrt();

@@ -79,7 +79,7 @@ fn labels_are_exchanged_where_the_markers_are_apart_by_more_than_errors_are() {
             .of_labels(&Variant::of(&recording, &problem))
             .into_iter()
             .find_map(|m| match m {
-                Mistake::MarkersSwapped { markers: (0 | 1, 0 | 1), frames } => Some(frames),
+                Mistake::MarkersSwapped { markers: (0 | 1, 0 | 1), frames, .. } => Some(frames),
                 _ => None,
             })
             .unwrap_or_default()
