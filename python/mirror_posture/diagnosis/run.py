@@ -10,7 +10,6 @@ from threading import Event, Thread
 
 from .._core import DiagnosisProgress, GapRecording, MirrorPostureError
 from ..arguments import checked_arguments
-from ..detect.refused import not_detected
 from ..error_pickling import PickledWhole
 from ..session import Session, as_session
 from ..view_check import refuse_unnamed_mistakes
@@ -113,8 +112,12 @@ def diagnose(
         so_far = json.loads(watch.so_far(recording)) | {KEY: fingerprint(loaded)}
         raise DiagnosisInterrupted(Diagnosis.from_document(so_far)) from None
     tree[KEY] = fingerprint(loaded)
-    if tree["verdict"] == "insufficient" and (refused := not_detected(loaded)):
-        tree["sentence"] = f"{tree['sentence']} {REFUSED}{refused}."
+    if tree["verdict"] == "insufficient":
+        # OpenCV takes longer to load than most sessions to diagnose.
+        from ..detect.refused import not_detected
+
+        if refused := not_detected(loaded):
+            tree["sentence"] = f"{tree['sentence']} {REFUSED}{refused}."
     if prismatic := [joint.name for joint in loaded.robot.joints if joint.kind == "prismatic"]:
         tree["prismatic_joints"] = prismatic
     if names:
