@@ -199,6 +199,12 @@ pub(crate) trait Effect: Send + Sync {
         false
     }
 
+    /// Whether it yields in proportion to a load. Of play and of friction the load's sign alone counts, and with gravity in another
+    /// direction that sign is any function of the posture.
+    fn is_spring(&self) -> bool {
+        self.depends_on_load() && self.law_freedom() != LawFreedom::LoadAndDirection
+    }
+
     /// Whether in this session it equals a simpler effect, so that no posture separates the two.
     fn is_like_a_simpler_one(&self, _scene: &Scene, _place: Place, _variant: f64) -> bool {
         false

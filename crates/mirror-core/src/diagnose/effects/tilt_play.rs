@@ -107,6 +107,10 @@ impl Effect for TiltPlay {
         true
     }
 
+    fn is_spring(&self) -> bool {
+        false
+    }
+
     fn words(&self) -> &str {
         "the guide has play: the sliding part leans to the side to which its load presses it"
     }

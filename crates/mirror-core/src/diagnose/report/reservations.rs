@@ -7,9 +7,10 @@ use crate::diagnose::criteria::cross_validation::{in_sample, seen_size};
 use crate::diagnose::criteria::lack_of_fit::adequacy;
 use crate::diagnose::data::diagnosis::{Cause, Data, Diagnosis, Gap, LeftOut, Verdict};
 use crate::diagnose::data::recording::Recording;
+use crate::diagnose::likelihood::noise::STATED_LOG_STD;
 use crate::diagnose::likelihood::probability::unfinished;
 use crate::diagnose::prepare::first_day::leaves_gross;
-use crate::diagnose::principles::{ABOVE_SCATTER, LEAST_HELD_OUT_RATIO, MAJORITY};
+use crate::diagnose::principles::{ABOVE_SCATTER, FAR_DEVIATIONS, LEAST_HELD_OUT_RATIO, MAJORITY};
 use crate::diagnose::random_effects::geometric_tolerances::Geometry;
 use crate::diagnose::report::gap_steps::Part;
 use crate::diagnose::report::one_scale::one_scale;
@@ -178,16 +179,25 @@ pub(crate) fn where_cut_off(causes: &mut [Cause], parts: &[Part], findings: &Fin
     }
 }
 
+/// Whether a gap is far above its floor: as an outlier of any number of points is, or by more than a stated noise is usually
+/// wrong and by more than chance, `1/√(2N)` of the root mean square of N points in a picture (one standard deviation).
+fn far(gap: Option<f64>, floor: Option<f64>, points: usize) -> bool {
+    let by_chance = 1.0 + FAR_DEVIATIONS / (2.0 * points as f64).sqrt();
+    let most = STATED_LOG_STD.exp().max(by_chance).min(ABOVE_SCATTER);
+    matches!((gap, floor), (Some(gap), Some(floor)) if gap > most * floor)
+}
+
 /// Takes a verdict back that the counted data do not carry.
 pub(crate) fn reserve(diagnosis: &mut Diagnosis, findings: &Findings<'_>) {
     if diagnosis.verdict == Verdict::None && evidence::much_is_false(&diagnosis.data) {
         diagnosis.sentence = evidence::what_is_false(&diagnosis.data);
         diagnosis.verdict = Verdict::Unknown;
     }
-    // With too few postures no test may be significant; a gap far above its own floor is still no agreement.
-    let far = |gap: Option<f64>, floor: Option<f64>| matches!((gap, floor), (Some(gap), Some(floor)) if gap > ABOVE_SCATTER * floor);
+    // With too few postures no test may be significant, and tests of most postures do not see what a few leave; a gap far
+    // above its own floor is still no agreement.
     let gap = &diagnosis.gap;
-    let is_far = far(gap.after_px, gap.noise_floor_px) || far(gap.after_m, gap.noise_floor_m);
+    let points = diagnosis.data.points_used;
+    let is_far = far(gap.after_px, gap.noise_floor_px, points) || far(gap.after_m, gap.noise_floor_m, points);
     if diagnosis.verdict == Verdict::None && is_far {
         diagnosis.sentence =
             "There is a gap far above the noise floor, and these postures show neither its place nor its law.".into();
@@ -281,6 +291,13 @@ mod tests {
         };
         assert!(!changes_with_regions(&all(4)) && changes_with_regions(&all(5)));
         assert!(!changes_with_regions(&Gap { chosen_anew: None, ..alike }));
+    }
+
+    #[test]
+    fn a_gap_is_far_above_its_floor_by_more_than_chance_and_a_wrong_stated_noise() {
+        let far_of = |gap: f64, points: usize| far(Some(gap), Some(1.0), points);
+        assert!(far_of(1.55, 10) && far_of(1.4, 300) && !far_of(1.3, 300));
+        assert!(!far_of(1.4, 60) && !far(None, Some(1.0), 300) && !far(Some(2.0), None, 300));
     }
 
     #[test]

@@ -260,7 +260,7 @@ fn is_weak(first: &Diagnosis, mistakes: &[Cause]) -> bool {
 /// absorbs what the turned gravity costs, as it does under the stated one.
 pub(super) fn is_turned_in_vain(causes: &[Cause], verdict: Verdict, before: f64) -> bool {
     let yields = |c: &Cause| {
-        vocabulary().iter().any(|e| e.name() == c.effect && e.depends_on_load())
+        vocabulary().iter().any(|e| e.name() == c.effect && e.is_spring())
             && c.rms_shift >= (1.0 - LEAST_HELD_OUT_RATIO) * before
     };
     causes.iter().any(|c| c.effect == GRAVITY) && (leaves_something(verdict) || !causes.iter().any(yields))

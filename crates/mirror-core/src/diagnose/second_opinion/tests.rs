@@ -77,6 +77,9 @@ fn gravity_that_was_turned_and_leaves_something_is_asked_of_twice() {
     let [_, gravity] = both;
     let zero = cause("joint_offset", "joint:elbow");
     assert!(is_turned_in_vain(&[gravity.clone(), zero], Verdict::Explained, 3.0));
+    // Of play and friction the load's sign alone counts.
+    let play = Cause { rms_shift: 2.0, ..cause("backlash", "joint:a") };
+    assert!(is_turned_in_vain(&[gravity.clone(), play], Verdict::Explained, 3.0));
     // Springs among small errors everywhere are none by themselves.
     assert!(is_turned_in_vain(&[gravity, cause("geometry", "robot")], Verdict::Explained, 3.0));
     assert_eq!(Reason::Gravity.without(), ["gravity_direction"]);

@@ -47,7 +47,7 @@ fn turned_beside(problem: &Problem, beside: &Beside, noise: Noise) -> Result<Opt
         let mut turned = problem.clone();
         turned.scene.gravity = Rotation3::new(turn) * problem.scene.gravity;
         turned.scene.update_loads(&nominal);
-        let springs = vocabulary().into_iter().filter(|e| e.depends_on_load()).collect();
+        let springs = vocabulary().into_iter().filter(|e| e.is_spring()).collect();
         if let Some(best) = likeliest(turned, springs, beside, noise)?
             && found.as_ref().is_none_or(|(other, _)| best.log_bayes > other.log_bayes)
         {
