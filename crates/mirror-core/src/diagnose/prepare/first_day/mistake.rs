@@ -58,7 +58,7 @@ pub(crate) enum Mistake {
     ColumnLost { joint: usize, rows: Vec<usize> },
     /// The joint has another zero from a row on, rad or m: added to the column. No public name.
     ZeroLost { joint: usize, first: usize, offset: f64 },
-    /// Two markers' names exchanged in these frames.
+    /// Two markers' names exchanged in these frames; `always`: in all that show one of them.
     MarkersSwapped { markers: (usize, usize), frames: Vec<usize>, always: bool },
     /// The camera's parameters are of another resolution: multiplied by the factor.
     Resolution { factor: f64, offset_px: Vector2<f64> },

@@ -54,39 +54,44 @@ fn errors_well_below_the_usual_size_are_small_and_errors_of_it_gross() {
     assert!(is_gross(&[1.25]));
 }
 
+/// In which frames two markers on one link, so many usual sizes apart, are told to have exchanged names, and whether
+/// always, of a session in which they have in some frames.
+fn exchanged(apart: f64, frames: core::ops::Range<usize>) -> Option<(Vec<usize>, bool)> {
+    let mut world = World::new(4, false);
+    let usual = usual_m(&world);
+    let (_, bone, place) = world.markers[0].clone();
+    (world.markers[1].1, world.markers[1].2) = (bone, place);
+    world.markers[1].2.x += apart * usual;
+    let mut recording = world.record(&PLAN);
+    for sighting in recording.frames[frames].iter_mut().flat_map(|frame| &mut frame.sightings) {
+        sighting.target = match sighting.target {
+            Target::Marker(0) => Target::Marker(1),
+            Target::Marker(1) => Target::Marker(0),
+            other => other,
+        };
+    }
+    let problem = problem_of(&world, &recording);
+    let misfit = Misfit::new(&problem).unwrap();
+    let told = Session::new(&problem, &misfit, &[]).of_labels(&Variant::of(&recording, &problem));
+    told.into_iter().find_map(|m| match m {
+        Mistake::MarkersSwapped { markers: (0 | 1, 0 | 1), frames, always } => Some((frames, always)),
+        _ => None,
+    })
+}
+
 #[test]
 fn labels_are_exchanged_where_the_markers_are_apart_by_more_than_errors_are() {
-    let frames_told = |apart: f64| {
-        let mut world = World::new(4, false);
-        let usual = usual_m(&world);
-        let (_, bone, place) = world.markers[0].clone();
-        (world.markers[1].1, world.markers[1].2) = (bone, place);
-        world.markers[1].2.x += apart * usual;
-        let mut recording = world.record(&PLAN);
-        for frame in &mut recording.frames[4..14] {
-            for sighting in &mut frame.sightings {
-                sighting.target = match sighting.target {
-                    Target::Marker(0) => Target::Marker(1),
-                    Target::Marker(1) => Target::Marker(0),
-                    other => other,
-                };
-            }
-        }
-        let problem = problem_of(&world, &recording);
-        let misfit = Misfit::new(&problem).unwrap();
-        let session = Session::new(&problem, &misfit, &[]);
-        session
-            .of_labels(&Variant::of(&recording, &problem))
-            .into_iter()
-            .find_map(|m| match m {
-                Mistake::MarkersSwapped { markers: (0 | 1, 0 | 1), frames, .. } => Some(frames),
-                _ => None,
-            })
-            .unwrap_or_default()
-    };
-    assert_eq!(frames_told(1.15), Vec::<usize>::new());
-    let told = frames_told(2.3);
-    assert!(told.len() >= 6 && told.iter().all(|f| (4..14).contains(f)), "{told:?}");
+    assert_eq!(exchanged(1.15, 4..14), None);
+    let (told, always) = exchanged(2.3, 4..14).unwrap();
+    assert!(told.len() >= 6 && told.iter().all(|f| (4..14).contains(f)) && !always, "{told:?}");
+}
+
+#[test]
+fn labels_that_are_exchanged_in_every_frame_are_no_number() {
+    let (told, always) = exchanged(6.0, 0..24).unwrap();
+    assert!(told.len() == 24 && always, "{} {always}", told.len());
+    let of = |always: bool| Mistake::MarkersSwapped { markers: (0, 1), frames: told.clone(), always };
+    assert!(of(true).has_no_number() && !of(false).has_no_number());
 }
 
 /// How many observations of a marker are off, how many are left out, and how many wrongly: it is off in `views` of three views of so
