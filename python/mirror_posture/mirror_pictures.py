@@ -33,7 +33,7 @@ from .detect import (
 )
 from .marker import Marker
 from .mirror import MirrorEstimates, PlanarPoses, Rig, planar_poses
-from .picture_residuals import agreeing_views, tested_mirrors
+from .picture_residuals import agreeing_views, of_its_size, tested_mirrors
 from .short_repr import ShortRepr
 from .triangulate import MarkerPositions, triangulate
 
@@ -137,8 +137,8 @@ def markers_from_views(
 
     Camera, board and balls stay fixed to each other. Each picture shows the board's reflection (and, where
     `camera_from_board` (4, 4) is not given, the board itself) and the balls in the mirror. Each ball's
-    virtual rays meet at the ball (maximum likelihood). A marker that fewer than two pictures show is masked
-    with its reason.
+    virtual rays meet at the ball (maximum likelihood). A marker that fewer than two pictures show, or whose outlines
+    have not the size of its diameter at that place, is masked with its reason.
 
     Raises `MirrorPostureError` for fewer than two pictures, one that cannot be read, and where a view of
     the board is not found or is not reliable.
@@ -155,8 +155,9 @@ def markers_from_views(
     if pose is None:
         pose, covariance = _joined([_direct(camera, board, one) for one in found])
     pose = np.asarray(pose, dtype=np.float64)
+    rig = Rig(camera, board, pose, covariance, glass_thickness_m)
     mirrors, warnings = tested_mirrors(
-        Rig(camera, board, pose, covariance, glass_thickness_m),
+        rig,
         np.stack([one[0] for one in corners]),
         float(np.sqrt(np.mean([one[1] ** 2 for one in corners]))),
         [one.source for one in found],
@@ -171,7 +172,9 @@ def markers_from_views(
         stds = [view.std_px for view, row in zip(views, rows, strict=True) if row >= 0 and view.std_px]
         noise = float(np.sqrt(np.mean(np.square(stds)))) if stds else 1.0
         part = triangulate(mirrors, rows[None], np.array([pixels], dtype=np.float64), noise_px=noise)
-        parts.append(agreeing_views(part, 2 * int((rows >= 0).sum()) - 3))
+        part = agreeing_views(part, 2 * int((rows >= 0).sum()) - 3)
+        used = {int(row): view for row, view in zip(rows, views, strict=True) if row >= 0}
+        parts.append(of_its_size(part, marker, rig, mirrors, used))
     names = tuple(marker.name for marker in markers)
     return SeenMarkers(names, _stacked(parts), mirrors, pose, covariance, unseen, warnings)
 

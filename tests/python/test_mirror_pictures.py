@@ -155,6 +155,46 @@ def test_no_marker_of_two_views_is_wrong(name: str) -> None:
     assert np.median([std for _, _, std, _ in told]) < 0.004
 
 
+@pytest.mark.parametrize("number", [5, 8])
+def test_two_views_that_agree_on_another_ball_of_the_colour_measure_nothing(number: int) -> None:
+    """A second ball of its colour touches the marker: without a model both views show another thing, or one each, and
+    the rays meet, 19 and 58 mm from the marker. Its size tells."""
+    name = "same hue touching"
+    told, masked = markers_of(name, LOOKS[name], number, 28113002)
+    assert masked > 0
+    assert not [one for one in told if wrong_marker(one[1], one[2])]
+
+
+def test_a_marker_of_another_diameter_is_masked_with_its_reason() -> None:
+    scenes, _ = views(Look(size_px=(640, 480), radius_px=(9.0, 14.0)), [3], [(-0.04, 0.0), (0.04, 0.02)])
+    first = scenes[0]
+    focal, center = np.diag(first.camera)[:2], first.camera[:2, 2]
+    camera = Camera((640, 480), (focal[0], focal[1]), (center[0], center[1]))
+
+    def measured(times: float) -> SeenMarkers:
+        balls = [
+            Marker(
+                ball.name,
+                diameter_m=2 * times * ball.radius_m,
+                color=ColorRange(ball.hue_deg, 18.0, 0.4, 0.12),
+            )
+            for ball in first.balls
+        ]
+        return markers_from_views(
+            camera,
+            Board(7, 4, 0.012),
+            balls,
+            [scene.bgr for scene in scenes],
+            camera_from_board=first.camera_from_board,
+        )
+
+    right, wrong = measured(1.0).positions, measured(1.2).positions
+    assert right.valid.sum() >= 3 and not wrong.valid[right.valid].any()
+    row = int(np.flatnonzero(right.valid)[0])
+    assert "another diameter" in wrong.reasons[row]
+    assert np.isnan(wrong.points_in_camera_m[row]).all() and np.isnan(wrong.covariances_m2[row]).all()
+
+
 def test_markers_need_two_views() -> None:
     with pytest.raises(MirrorPostureError, match="needed two or more"):
         markers_from_views(CAMERA, BOARD, [Marker("hand")], [picture(0)[0]])
