@@ -34,10 +34,13 @@ use crate::diagnose::prepare::first_day::Memory;
 use crate::diagnose::prepare::first_result::FirstResult;
 use crate::diagnose::prepare::options::{DiagnoseOptions, OtherSession};
 use crate::diagnose::prepare::prepared::Prepared;
+use crate::diagnose::principles::UNTHOUGHT_OF;
 use crate::diagnose::report::board_shape::tell;
 use crate::error::Result;
 use crate::robot::Robot;
-use reason::{LATE, Reason, explains, hardly_slipped, is_late_by_nothing, is_of_a_column, left, takes_most};
+use reason::{
+    LATE, Reason, explains, hardly_slipped, has_no_size, is_late_by_nothing, is_of_a_column, left, takes_most,
+};
 
 /// Diagnoses a recording: where the model is wrong, which effect causes it, how far the gap shrinks.
 ///
@@ -142,6 +145,11 @@ fn accepted(
     // No second diagnosis took it back, and its own deviations do not carry it.
     for slip in found.diagnosis.causes.iter_mut().filter(|c| hardly_slipped(c)) {
         slip.probability = unfinished(slip.probability);
+    }
+    // Of a mistake that does not differ from none, nothing is left to be named.
+    let undone = |c: &Cause| mistakes.iter().any(|m| m.effect == c.effect && m.at == c.at);
+    for nothing in found.diagnosis.causes.iter_mut().filter(|c| undone(c) && has_no_size(c)) {
+        nothing.probability = nothing.probability.min(UNTHOUGHT_OF);
     }
     Ok(found)
 }

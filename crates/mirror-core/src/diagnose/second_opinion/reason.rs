@@ -274,18 +274,18 @@ pub(super) fn is_told_twice(causes: &[Cause]) -> bool {
 
 /// Whether a named ratio does not differ from the model's, within its own deviation.
 pub(super) fn is_of_no_size(causes: &[Cause]) -> bool {
-    has_no_size(causes, RATIO.1)
+    causes.iter().any(|c| c.effect == RATIO.1 && has_no_size(c))
 }
 
 /// Whether a named delay does not differ from none, within its own deviation.
 pub(super) fn is_late_by_nothing(causes: &[Cause]) -> bool {
-    has_no_size(causes, LATE)
+    causes.iter().any(|c| c.effect == LATE && has_no_size(c))
 }
 
-/// Whether a parameter of a cause of this effect is no number that is there.
-fn has_no_size(causes: &[Cause], effect: &str) -> bool {
-    let of_effect = causes.iter().filter(|c| c.effect == effect);
-    of_effect.flat_map(|c| c.parameters.values()).any(|e| e.value.abs() < SURE_DEVIATIONS * e.std)
+/// Whether a ratio or a delay is no number that is there.
+pub(super) fn has_no_size(cause: &Cause) -> bool {
+    [RATIO.1, LATE].contains(&cause.effect.as_str())
+        && cause.parameters.values().any(|e| e.value.abs() < SURE_DEVIATIONS * e.std)
 }
 
 /// Whether a slip is so small that it may be a part of what another cause moves: six deviations are no chance, and
