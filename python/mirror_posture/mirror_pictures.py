@@ -155,9 +155,8 @@ def markers_from_views(
     if pose is None:
         pose, covariance = _joined([_direct(camera, board, one) for one in found])
     pose = np.asarray(pose, dtype=np.float64)
-    rig = Rig(camera, board, pose, covariance, glass_thickness_m)
     mirrors, warnings = tested_mirrors(
-        rig,
+        Rig(camera, board, pose, covariance, glass_thickness_m),
         np.stack([one[0] for one in corners]),
         float(np.sqrt(np.mean([one[1] ** 2 for one in corners]))),
         [one.source for one in found],
@@ -174,7 +173,7 @@ def markers_from_views(
         part = triangulate(mirrors, rows[None], np.array([pixels], dtype=np.float64), noise_px=noise)
         part = agreeing_views(part, 2 * int((rows >= 0).sum()) - 3)
         used = {int(row): view for row, view in zip(rows, views, strict=True) if row >= 0}
-        parts.append(of_its_size(part, marker, rig, mirrors, used))
+        parts.append(of_its_size(part, marker, camera, mirrors, used))
     names = tuple(marker.name for marker in markers)
     return SeenMarkers(names, _stacked(parts), mirrors, pose, covariance, unseen, warnings)
 

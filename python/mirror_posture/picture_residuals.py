@@ -10,8 +10,10 @@ import numpy as np
 
 from ._core import MirrorPostureError
 from .arrays import Floats
+from .camera import Camera
 from .detect import MarkerView
-from .detect.marker_judge import PARTIAL_SIZE_PX, PARTIAL_SIZE_SHARE
+from .detect.marker_judge import MarkerOptions, size_share
+from .detect.shown_ball import shown_ball
 from .marker import Marker
 from .measurement.residuals import (
     MOUNT_LEVER_M,
@@ -27,9 +29,6 @@ from .view_check.fit import Views
 
 TAKEN_UP = 2.5
 """How many times what corners show of an error that they share a plane may have taken up: measured on pictures of shutters that roll."""
-
-OUTLINE_POINTS = 64
-"""Of a ball's predicted outline: a polygon of so many corners is 0.1 % smaller."""
 
 
 def tested_mirrors(
@@ -101,36 +100,29 @@ def agreeing_views(part: MarkerPositions, freedom: int) -> MarkerPositions:
 
 
 def of_its_size(
-    part: MarkerPositions, marker: Marker, rig: Rig, mirrors: MirrorEstimates, views: Mapping[int, MarkerView]
+    part: MarkerPositions,
+    marker: Marker,
+    camera: Camera,
+    mirrors: MirrorEstimates,
+    views: Mapping[int, MarkerView],
 ) -> MarkerPositions:
-    """A marker is masked where an outline is not that of a ball of its diameter at the place at which its
+    """A marker is masked where an outline is not as large as a ball of its diameter is at the place at which its
     views (by mirror) meet: two views may agree on another thing of its colour, or on two.
 
-    The virtual camera sees the ball in the mirror's place of it. The rays that touch a sphere of radius R at
-    a distance D make a cone of half-angle α, `sin α = R / D`; they touch it in a circle of radius `R cos α`,
-    nearer than its centre by `R sin α`. Its image is projected with the lens; a radius is the root of an area
-    over π. May differ by 5 %, or by 0.3 px.
+    The camera sees the ball where the mirror shows it, at `p − 2 (n · p − d) n`. An ideal point has no size.
     """
-    if not part.valid[0] or marker.diameter_m is None:
+    if not part.valid[0] or marker.diameter_m <= 0.0:
         return part
-    radius_m, place = 0.5 * marker.diameter_m, part.points_in_camera_m[0]
+    place = part.points_in_camera_m[0]
     for row, view in views.items():
-        if view.outline is None:
-            continue
         normal = mirrors.normals[row]
-        center = place - 2.0 * (normal @ place - mirrors.offsets_m[row]) * normal
-        distance_m = float(np.linalg.norm(center))
-        sine = radius_m / distance_m
-        if not sine < 1.0:
+        reflected = place - 2.0 * (normal @ place - mirrors.offsets_m[row]) * normal
+        shown = shown_ball(reflected, 0.5 * marker.diameter_m, camera)
+        if view.outline is None or shown is None:
             continue
-        toward = center / distance_m
-        across = np.linalg.svd(toward[None])[2][1:]
-        turns = np.linspace(0.0, 2.0 * np.pi, OUTLINE_POINTS, endpoint=False)
-        ring = np.column_stack([np.cos(turns), np.sin(turns)]) @ across * (radius_m * np.sqrt(1.0 - sine**2))
-        u, v = rig.camera.project(center - radius_m * sine * toward + ring).T
-        expected_px = float(np.sqrt(0.5 * abs(u @ np.roll(v, 1) - v @ np.roll(u, 1)) / np.pi))
+        _, expected_px = shown
         seen_px = float(np.sqrt(view.outline.semi_major_px * view.outline.semi_minor_px))
-        if abs(seen_px - expected_px) > max(PARTIAL_SIZE_PX, PARTIAL_SIZE_SHARE * expected_px):
+        if abs(seen_px / expected_px - 1.0) > size_share(expected_px, MarkerOptions()):
             return _masked(
                 part,
                 f"its views meet where a ball of {1e3 * marker.diameter_m:.1f} mm has a radius of {expected_px:.1f} px, and one of them shows {seen_px:.1f} px: "

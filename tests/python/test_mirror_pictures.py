@@ -13,12 +13,11 @@ import pytest
 from board_drawing import chessboard_picture
 from document_commands import python_of
 from fresh_looks import LOOKS, Look
-from fresh_pictures import markers_of, wrong_marker
-from fresh_scene import views
+from fresh_pictures import known_of, markers_of, wrong_marker
+from fresh_scene import Scene, views
 from mirror_posture import (
     Board,
     Camera,
-    ColorRange,
     Marker,
     MirrorPostureError,
     markers_from_views,
@@ -28,6 +27,7 @@ from mirror_posture import (
 from mirror_posture.mirror import PlanarPoses
 from mirror_posture.mirror_pictures import SeenMarkers, _joined
 from mirror_posture.session.camera_info import dump_camera_info
+from mirror_posture.triangulate import MarkerPositions
 
 CAMERA = Camera((640, 480), (600.0, 600.0), (319.5, 239.5))
 BOARD = Board(7, 4, 0.02)
@@ -112,21 +112,19 @@ def test_another_size_than_the_cameras_is_refused() -> None:
         mirror_from_picture(CAMERA, BOARD, np.zeros((100, 100), np.uint8))
 
 
+def small_views() -> tuple[list[Scene], np.ndarray]:
+    """Small balls in two poses of the mirror, and where they are, m."""
+    return views(Look(size_px=(640, 480), radius_px=(9.0, 14.0)), [3], [(-0.04, 0.0), (0.04, 0.02)])
+
+
 def test_markers_of_views_are_where_they_are_with_deviations_that_are_true() -> None:
     """Balls drawn before a mirror that turns, taken as a camera, a board and balls alone."""
-    scenes, real = views(Look(size_px=(640, 480), radius_px=(9.0, 14.0)), [3], [(-0.04, 0.0), (0.04, 0.02)])
+    scenes, real = small_views()
     first = scenes[0]
-    focal, center = np.diag(first.camera)[:2], first.camera[:2, 2]
-    camera = Camera((640, 480), (focal[0], focal[1]), (center[0], center[1]))
-    balls = [
-        Marker(ball.name, diameter_m=2 * ball.radius_m, color=ColorRange(ball.hue_deg, 18.0, 0.4, 0.12))
-        for ball in first.balls
-    ]
+    camera, board, balls = known_of(first)
 
     def measured(pictures: list[np.ndarray]) -> SeenMarkers:
-        return markers_from_views(
-            camera, Board(7, 4, 0.012), balls, pictures, camera_from_board=first.camera_from_board
-        )
+        return markers_from_views(camera, board, balls, pictures, camera_from_board=first.camera_from_board)
 
     found = measured([scene.bgr for scene in scenes])
     normalised = []
@@ -165,31 +163,20 @@ def test_two_views_that_agree_on_another_ball_of_the_colour_measure_nothing(numb
     assert not [one for one in told if wrong_marker(one[1], one[2])]
 
 
-def test_a_marker_of_another_diameter_is_masked_with_its_reason() -> None:
-    scenes, _ = views(Look(size_px=(640, 480), radius_px=(9.0, 14.0)), [3], [(-0.04, 0.0), (0.04, 0.02)])
+def test_a_marker_of_another_diameter_is_masked_with_its_reason_and_a_point_has_none() -> None:
+    scenes, _ = small_views()
     first = scenes[0]
-    focal, center = np.diag(first.camera)[:2], first.camera[:2, 2]
-    camera = Camera((640, 480), (focal[0], focal[1]), (center[0], center[1]))
+    camera, board, balls = known_of(first)
 
-    def measured(times: float) -> SeenMarkers:
-        balls = [
-            Marker(
-                ball.name,
-                diameter_m=2 * times * ball.radius_m,
-                color=ColorRange(ball.hue_deg, 18.0, 0.4, 0.12),
-            )
-            for ball in first.balls
-        ]
-        return markers_from_views(
-            camera,
-            Board(7, 4, 0.012),
-            balls,
-            [scene.bgr for scene in scenes],
-            camera_from_board=first.camera_from_board,
-        )
+    def measured(times: float) -> MarkerPositions:
+        sized = [replace(ball, diameter_m=times * ball.diameter_m) for ball in balls]
+        pictures = [scene.bgr for scene in scenes]
+        told = markers_from_views(camera, board, sized, pictures, camera_from_board=first.camera_from_board)
+        return told.positions
 
-    right, wrong = measured(1.0).positions, measured(1.2).positions
+    right, wrong, points = measured(1.0), measured(1.2), measured(0.0)
     assert right.valid.sum() >= 3 and not wrong.valid[right.valid].any()
+    assert points.valid[right.valid].all()
     row = int(np.flatnonzero(right.valid)[0])
     assert "another diameter" in wrong.reasons[row]
     assert np.isnan(wrong.points_in_camera_m[row]).all() and np.isnan(wrong.covariances_m2[row]).all()

@@ -15,12 +15,12 @@ import numpy.typing as npt
 
 from ..camera import Camera
 from ..marker import Marker
+from ..medians import median
 from ..short_repr import ShortRepr
 from .ball import Circle, OutlineFit, measure_blurred_balls
 from .blobs import Region
 from .ghost_light import Ghost, with_ghost_left, without_ghost
 from .marker_judge import BLURRED_SHARE, MarkerOptions, judged
-from .medians import median
 from .rivals import NO_OTHERS, ModelErrors, Rival, choose
 from .types import MarkerView, PredictedMarker
 

@@ -20,9 +20,9 @@ import numpy.typing as npt
 
 from ..board import Board
 from ..camera import Camera
+from ..medians import median
 from ..short_repr import ShortRepr
 from .gate import GateOptions, GateResult, board_residual
-from .medians import median
 from .slanted import fitted_corners, is_slanted
 from .types import FloatArray, Pixels
 

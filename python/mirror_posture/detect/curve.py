@@ -18,11 +18,11 @@ import numpy as np
 
 from .. import _core
 from ..board import Board
+from ..medians import median
 from .ball import OutlineFit
 from .drawn import DrawnBoard
 from .ghost import with_ghost
 from .ghost_light import Ghost
-from .medians import median
 from .sharpening import MOST_STRENGTH_PX2, falling, undone
 
 # Fewer balls than this cannot separate the camera's curve from their own shading.

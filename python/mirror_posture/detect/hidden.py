@@ -16,10 +16,10 @@ import numpy.typing as npt
 
 from ..board import Board
 from ..camera import Camera
+from ..medians import median
 from ..short_repr import ShortRepr
 from . import corners, pattern
 from .gate import MIN_CORNERS_FOR_CUBIC, GateOptions, GateResult, board_residual, cubic_basis
-from .medians import median
 from .types import BoardView, FloatArray, Pixels
 
 # Least contrast of four squares at a corner that is taken as seen: 1 is whole, at the edge of a pattern it is 0.5, which a line's median tells (`pattern`).

@@ -15,8 +15,8 @@ import numpy as np
 import numpy.typing as npt
 
 from ..board import Board
+from ..medians import median
 from . import pattern
-from .medians import median
 from .places import OPPOSITE_COSINE, Place
 from .types import FloatArray, Pixels
 

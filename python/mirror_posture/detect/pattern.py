@@ -15,7 +15,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from .medians import median
+from ..medians import median
 from .types import FloatArray, Pixels
 
 # Samples lie at this fraction of a square from the corner, on the diagonals: far enough from the blurred edges, near enough to

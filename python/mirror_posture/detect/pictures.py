@@ -15,7 +15,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from .._core import MirrorPostureError, chroma_step
+from .._core import chroma_step
 from ..arguments import checked_arguments
 from ..board import CHARUCO
 from ..camera import Camera
@@ -33,6 +33,7 @@ from .pose import board_pose
 from .reading import PictureFile, as_picture, read_picture_file
 from .refused import size_mistake
 from .sharpening import ghost_and_sharpening
+from .shown_ball import shown_ball
 from .types import (
     BoardPrediction,
     BoardView,
@@ -48,8 +49,6 @@ from .types import (
 # without the mirror is at less than half of that distance.
 NEAREST_BALL = 0.55
 FARTHEST_BALL = 2.5
-# A ball's least depth, as a share of its distance: farther off the axis no pinhole camera shows it.
-LEAST_DEPTH_SHARE = 0.2
 
 
 @dataclass(frozen=True)
@@ -270,30 +269,11 @@ def _expected(
             continue
         point = np.asarray(prediction.marker_in_camera_m[marker.name], dtype=np.float64)
         reflected = point + 2.0 * (offset - float(point @ normal)) * normal
-        shown = _shown_at(reflected, 0.5 * marker.diameter_m, camera)
+        shown = shown_ball(reflected, 0.5 * marker.diameter_m, camera)
         if shown is not None:
             pixel, radius = shown
             found.append(PredictedMarker(marker.name, pixel, float("inf"), radius))
     return tuple(found)
-
-
-def _shown_at(
-    center_m: FloatArray, radius_m: float, camera: Camera
-) -> tuple[tuple[float, float], float] | None:
-    """Where a camera of any model shows a ball before it (3,), and the root of its half axes' product, px; None where it does not.
-
-    The half axes are those of the disc across the line of sight: off the axis a pinhole camera's grow by cos⁻³ of the angle in area, a fisheye's by angle over sine.
-    """
-    away = float(np.linalg.norm(center_m))
-    if camera.distortion_model != "equidistant" and center_m[2] < LEAST_DEPTH_SHARE * away:
-        return None
-    across = np.linalg.svd(center_m[None])[2][1:] * radius_m
-    try:
-        pixels = camera.project(center_m + np.concatenate([np.zeros((1, 3)), across, -across]))
-    except MirrorPostureError:
-        return None
-    (a, b), (c, d) = 0.5 * (pixels[1:3] - pixels[3:5])
-    return (float(pixels[0, 0]), float(pixels[0, 1])), float(np.sqrt(abs(a * d - b * c)))
 
 
 def _off_axis(camera: Camera) -> float:

@@ -14,8 +14,8 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from ..medians import median
 from ..short_repr import ShortRepr
-from .medians import median
 from .types import FloatArray, Pixels
 
 # Smaller pictures show no board.

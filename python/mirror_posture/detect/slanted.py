@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from .medians import median
+from ..medians import median
 from .types import FloatArray, Pixels
 
 # Single precision is enough for a drawn pattern, and takes half of the time.

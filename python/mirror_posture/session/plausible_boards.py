@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..medians import median
 from .errors import SessionError
 
 if TYPE_CHECKING:
@@ -44,7 +45,7 @@ def flat_boards(session: Session) -> None:
             raise SessionError(
                 "detections.csv",
                 f"the board's corners are no image of a plane in {bent.mean():.0%} of the frames (typically "
-                f"{min(np.median(misfits), 1.0):.0%} of the board's size off): is corners = [{board.columns}, {board.rows}] right, "
+                f"{min(median(misfits), 1.0):.0%} of the board's size off): is corners = [{board.columns}, {board.rows}] right, "
                 "and is `index` the corner's number, row by row?",
                 column="index",
             )
@@ -95,12 +96,10 @@ def board_distance(session: Session) -> None:
     spread_px = _spread(session.mirror_view.board_px[rows], seen[rows])
     spread_m = _spread(board.corner_in_board_m[None], seen[rows])
     shown_m = max(camera.fx_px, camera.fy_px) * spread_m / np.maximum(spread_px, 1e-9)
-    # The median: NumPy's own loads its masked arrays first, which takes longer than all of this.
-    shares = np.sort(shown_m / np.maximum(straight_m, 1e-9))
-    if shares[[(len(rows) - 1) // 2, len(rows) // 2]].mean() < NEARER:
+    if median(shown_m / np.maximum(straight_m, 1e-9)) < NEARER:
         raise SessionError(
             "session.toml",
-            f"in the mirror the board looks {np.median(shown_m):.3g} m away, nearer than the {np.median(straight_m):.3g} m straight from the "
+            f"in the mirror the board looks {median(shown_m):.3g} m away, nearer than the {median(straight_m):.3g} m straight from the "
             f"camera; needed: at least as far. Is its square of {board.square_m:g} m in m, and the camera file that of this camera?",
         )
 
@@ -135,7 +134,7 @@ def facing(session: Session) -> list[str]:
         ],
         axis=1,
     )
-    cosine = float(np.median((face[rows] * ray).sum(axis=1) / np.linalg.norm(ray, axis=1)))
+    cosine = median((face[rows] * ray).sum(axis=1) / np.linalg.norm(ray, axis=1))
     if cosine >= LEAST_FACING:
         return []
     return [

@@ -1,7 +1,7 @@
 //! A tilted axis of rotation: the real axis is `unit(a + tan(tilt_1) u + tan(tilt_2) v)`.
 
 use super::about::{About, PlaceKind, WrittenTo};
-use super::{Effect, Place, joint_of, joints, named};
+use super::{Effect, Place, joint_of, named};
 use crate::diagnose::model::elementary::{Atom, Column};
 use crate::diagnose::model::scene::Scene;
 
@@ -19,10 +19,8 @@ impl Effect for AxisTilt {
 
     /// A joint that stands turned shows its tilt too, as a constant turn of what follows.
     fn places(&self, scene: &Scene) -> Vec<Place> {
-        joints(scene)
-            .into_iter()
-            .filter(|place| joint_of(*place).is_some_and(|n| scene.leaves_zero(n)))
-            .collect()
+        let turned = (0..scene.nodes()).filter(|&n| scene.relevant[n] && scene.leaves_zero(n));
+        turned.map(Place::Joint).collect()
     }
 
     fn prior_std(&self, _scene: &Scene, _place: Place) -> Vec<f64> {

@@ -157,8 +157,9 @@ fn accepted(
 /// Whether the session's work is used up, which is told in the first result.
 fn is_over(found: &mut Outcome) -> bool {
     let over = found.budget.is_over();
-    if over {
-        found.diagnosis.warnings.push(NO_SECOND.into());
+    let warnings = &mut found.diagnosis.warnings;
+    if over && !warnings.iter().any(|told| told == NO_SECOND) {
+        warnings.push(NO_SECOND.into());
     }
     over
 }

@@ -140,7 +140,8 @@ pub(crate) fn undone(
     }
     out.doubts = choice.doubts;
     // The errors of an unknown joint would look like springs.
-    let mut explained = memory.explained(&out.mistakes, || single_cause::is_enough(&out.problem))?;
+    let mut explained =
+        memory.explained.remembered(&out.mistakes, || single_cause::is_enough(&out.problem))?;
     let late = |m: &Mistake| matches!(m, Mistake::Late { .. });
     // Rows that contain other rows' measurements are late by whole rows.
     if !explained
@@ -152,19 +153,19 @@ pub(crate) fn undone(
         && let Some((mistake, odds)) = small_delay::find(&out.problem, &out.recording)?
     {
         out.undo(&mistake, tempered(odds))?;
-        explained = memory.explained(&out.mistakes, || single_cause::is_enough(&out.problem))?;
+        explained = memory.explained.remembered(&out.mistakes, || single_cause::is_enough(&out.problem))?;
     }
     if out.lost.is_none()
         && !without.iter().any(|w| w == "gravity_direction")
         && let Some((mistake, odds)) =
-            memory.gravity(&out.mistakes, || loads::turned_gravity(&out.problem, explained))?
+            memory.gravity.remembered(&out.mistakes, || loads::turned_gravity(&out.problem, explained))?
     {
         out.undo(&mistake, tempered(odds))?;
     }
     // A drift leaves no gap beside a small step of the zero.
     let stepped = explained
         && spoilt
-        && memory.stepped(&out.mistakes, || Ok(single_step::find(&out.problem)?.is_some()))?;
+        && memory.stepped.remembered(&out.mistakes, || Ok(single_step::find(&out.problem)?.is_some()))?;
     if !out.unsettled && (!explained || stepped) {
         // Each round's is at a place that has not slipped yet, so the number of rounds is limited.
         while let Some((mistakes, odds)) = change_point(&out, without, spoilt, memory)? {
@@ -215,7 +216,7 @@ fn change_point(session: &Undone, without: &[String], zeros: bool, memory: &mut 
     if without.iter().any(|w| w == "slip") {
         return Ok(None);
     }
-    memory.slip(&session.mistakes, zeros, || {
+    memory.slips[usize::from(zeros)].remembered(&session.mistakes, || {
         let problem = &session.problem;
         let postures = crate::diagnose::likelihood::saturated::postures(problem);
         let clear = changes::find(problem, &spread(&postures, FRAMES_OF_SLIPS, 1), problem.noise, zeros)?;

@@ -71,7 +71,7 @@ impl Undone {
             }
             Ok(rounds)
         };
-        for found in memory.outlying(&self.mistakes, rounds)? {
+        for found in memory.outlying.remembered(&self.mistakes, rounds)? {
             self.leave_out(found);
         }
         Ok(())
