@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import math
 import subprocess
@@ -87,6 +88,34 @@ def test_every_joint_of_g1_can_be_changed_and_stands_as_told() -> None:
     pin.forwardKinematics(better, data_better, q)
     for index in range(model.njoints):
         np.testing.assert_allclose(data_better.oMi[index].translation, data.oMi[index].translation, atol=1e-9)
+
+
+def test_an_offset_reaches_the_joints_that_follow() -> None:
+    """Gears drive the followers from where the leading joint really is: `θ = m (q + a) + b`, by chains of them too."""
+    chain = "base a b c d".split()
+    links = "".join(f'<link name="{link}"/>' for link in chain)
+    follows = {
+        "b": '<mimic joint="a" multiplier="-1.5" offset="0.2"/>',
+        "c": '<mimic joint="b" multiplier="2"/>',
+    }
+
+    def text(mimics: dict[str, str]) -> str:
+        joints = "".join(
+            f'<joint name="{child}" type="{"prismatic" if child == "c" else "revolute"}"><parent link="{parent}"/><child link="{child}"/>'
+            f'<origin xyz="0.1 0.02 0" rpy="0.3 0 0.1"/><axis xyz="0 1 0"/><limit lower="-9" upper="9" effort="1" velocity="1"/>'
+            f"{mimics.get(child, '')}</joint>"
+            for parent, child in itertools.pairwise(chain)
+        )
+        return f'<robot name="r">{links}{joints}</robot>'
+
+    urdf, q, a = Urdf(text(follows)), 0.4, 0.07
+    assert urdf.add_offset("a", a) == ["a", "b", "c"]
+    better, free = mp.Robot.from_urdf_text(urdf.text()), mp.Robot.from_urdf_text(text({}))
+    real = q + a
+    stands = [real, -1.5 * real + 0.2, 2.0 * (-1.5 * real + 0.2), -0.3]
+    np.testing.assert_allclose(
+        better.forward_kinematics([[q, -0.3]]), free.forward_kinematics([stands]), atol=1e-12
+    )
 
 
 def test_text_around_an_attribute_stays_to_the_letter() -> None:

@@ -15,6 +15,7 @@ mod gap_beside_causes;
 mod gap_claims;
 mod gap_effects;
 mod gap_first_day;
+mod gap_geared_joints;
 mod gap_long;
 mod gap_no_name;
 mod gap_panels;

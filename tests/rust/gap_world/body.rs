@@ -74,12 +74,15 @@ impl World {
     pub(super) fn commanded(&self, plan: &Plan, rng: &mut ChaCha8Rng) -> Vec<Vec<f64>> {
         let mut out = Vec::new();
         for _ in 0..plan.postures {
-            let q: Vec<f64> = (0..self.bones.len())
+            let mut q: Vec<f64> = (0..self.bones.len())
                 .map(|b| {
                     let widest = if self.neck && b == 0 { 0.12 } else { 0.45 };
                     (rng.random_range(-widest..widest) * 1e4_f64).round() / 1e4
                 })
                 .collect();
+            for (follower, leader, factor) in &self.geared {
+                q[*follower] = factor * q[*leader];
+            }
             out.extend(std::iter::repeat_n(q, plan.views));
         }
         out
@@ -144,7 +147,20 @@ impl World {
                 }
             }
         }
+        for (theta, q) in out.iter_mut().zip(commanded) {
+            for (follower, leader, factor) in &self.geared {
+                theta[*follower] += factor * (theta[*leader] - q[*leader]);
+            }
+        }
         out
+    }
+
+    /// Gravity's torque on a joint and, through their gears, on those that it drives.
+    fn driving_torque(&self, joint: usize, poses: &[Isometry3<f64>]) -> f64 {
+        let driven = self.geared.iter().filter(|(_, leader, _)| *leader == joint);
+        let passed: f64 =
+            driven.map(|(follower, _, factor)| factor * self.joint_torque(*follower, poses)).sum();
+        self.joint_torque(joint, poses) + passed
     }
 
     /// Poses of the bones with all that gives way under load in balance with the load.
@@ -152,10 +168,11 @@ impl World {
         let mut bends = vec![Vector3::zeros(); self.bones.len()];
         let mut poses = self.chain(theta, &plan.wrong, &bends);
         for _ in 0..6 {
+            let rigid = theta;
             let mut theta = theta.to_vec();
             for w in &plan.wrong {
                 match *w {
-                    Wrong::Compliance(j, c) => theta[j] += c * self.joint_torque(j, &poses),
+                    Wrong::Compliance(j, c) => theta[j] += c * self.driving_torque(j, &poses),
                     Wrong::Stiffening(j, c, share, reference) => {
                         let soft = c * self.joint_torque(j, &poses);
                         // The force grows with the way: halving finds where they balance.
@@ -175,6 +192,9 @@ impl World {
                     }
                     _ => {}
                 }
+            }
+            for (follower, leader, factor) in &self.geared {
+                theta[*follower] += factor * (theta[*leader] - rigid[*leader]);
             }
             poses = self.chain(&theta, &plan.wrong, &bends);
         }

@@ -76,6 +76,8 @@ pub struct World {
     /// Name, bone, place on it.
     pub markers: Vec<(String, usize, Vector3<f64>)>,
     pub neck: bool,
+    /// Bones that gears drive from another one's joint: follower, leader, factor.
+    pub geared: Vec<(usize, usize, f64)>,
 }
 
 #[derive(Clone)]
@@ -156,7 +158,7 @@ impl World {
                 Vector3::new(reach, 0.0, if an_arm > 4 { 0.04 } else { 0.02 }),
             ));
         }
-        Self { bones, markers, neck }
+        Self { bones, markers, neck, geared: Vec::new() }
     }
 
     pub fn bone(&self, name: &str) -> usize {
@@ -167,7 +169,13 @@ impl World {
         let mut out = String::from(
             "<robot name=\"w\"><link name=\"base\"><inertial><mass value=\"3\"/></inertial></link>",
         );
-        for bone in &self.bones {
+        for (b, bone) in self.bones.iter().enumerate() {
+            let mimic = self.geared.iter().find(|(follower, ..)| *follower == b).map_or_else(
+                String::new,
+                |(_, leader, factor)| {
+                    format!("<mimic joint=\"{}\" multiplier=\"{factor}\"/>", self.bones[*leader].name)
+                },
+            );
             let parent =
                 bone.parent.map_or_else(|| "base".into(), |p| format!("{}_link", self.bones[p].name));
             let _ = write!(
@@ -175,7 +183,7 @@ impl World {
                 "<link name=\"{n}_link\"><inertial><origin xyz=\"{c}\"/><mass value=\"{m}\"/></inertial></link>\
                  <joint name=\"{n}\" type=\"revolute\"><origin xyz=\"{a}\"/><parent link=\"{parent}\"/>\
                  <child link=\"{n}_link\"/><axis xyz=\"{x}\"/>\
-                 <limit lower=\"-2\" upper=\"2\" effort=\"1\" velocity=\"1\"/></joint>",
+                 <limit lower=\"-2\" upper=\"2\" effort=\"1\" velocity=\"1\"/>{mimic}</joint>",
                 n = bone.name,
                 c = xyz(&bone.com),
                 m = bone.mass,

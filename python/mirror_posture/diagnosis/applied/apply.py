@@ -198,9 +198,9 @@ def _apply(session: Session, urdf: Urdf, cause: Cause) -> tuple[Session, Written
         mended, file, what = undone
         return mended, Written(cause, file, what)
     if cause.effect == "joint_offset":
-        urdf.add_offset(name, value["offset_rad"])
+        changed = urdf.add_offset(name, value["offset_rad"])
         done = "turned about" if urdf.kind(name) in TURNING else "moved along"
-        return in_robot(f"origin of joint {name}, {done} its axis")
+        return in_robot(f"origin of joint {', '.join(changed)}, {done} its axis")
     if cause.effect == "axis_tilt":
         urdf.tilt_axis(name, value["tilt_1_rad"], value["tilt_2_rad"])
         return in_robot(f"axis of joint {name}")

@@ -114,14 +114,35 @@ class Urdf:
         self.joint(name)
         self._origins[name] = np.array(parent_from_joint, dtype=float)
 
-    def add_offset(self, name: str, offset: float) -> None:
-        """`θ = q + a`: the origin is turned by a about the axis (moved along it, for a prismatic joint)."""
-        motion = np.eye(4)
-        if self.kind(name) in TURNING:
-            motion[:3, :3] = rotation_of_vector(offset * self.axis(name))
-        else:
-            motion[:3, 3] = offset * self.axis(name)
-        self.set_origin(name, self.origin(name) @ motion)
+    def add_offset(self, name: str, offset: float) -> list[str]:
+        """`θ = q + a`: the origin is turned by a about the axis (moved along it, for a prismatic joint).
+
+        Joints that follow this one (`<mimic>`) follow where it really is: `θ = m (q + a) + b`, so their origins are turned
+        by m a. Returns the names of all joints that were changed.
+        """
+        factors = {name: 1.0} | self._followers(name)
+        for joint, factor in factors.items():
+            motion = np.eye(4)
+            if self.kind(joint) in TURNING:
+                motion[:3, :3] = rotation_of_vector(factor * offset * self.axis(joint))
+            else:
+                motion[:3, 3] = factor * offset * self.axis(joint)
+            self.set_origin(joint, self.origin(joint) @ motion)
+        return list(factors)
+
+    def _followers(self, name: str) -> dict[str, float]:
+        """The joints that follow a joint (`<mimic>`, in chains too), each with the factor of its position to that joint's."""
+        mimics = {joint: element.find("mimic") for joint, element in self.joints.items()}
+        found: dict[str, float] = {}
+        leaders = {name: 1.0}
+        while leaders:
+            leaders = {
+                joint: leaders[mimic.attributes["joint"]] * float(mimic.attributes.get("multiplier", 1.0))
+                for joint, mimic in mimics.items()
+                if mimic is not None and mimic.attributes.get("joint") in leaders and joint not in found
+            }
+            found |= leaders
+        return found
 
     def tilt_axis(self, name: str, tilt_1_rad: float, tilt_2_rad: float) -> None:
         """The real axis is `unit(a + tan(tilt_1) u + tan(tilt_2) v)`, `u = unit(a × e)`, `v = a × u`."""

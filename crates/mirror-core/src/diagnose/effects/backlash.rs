@@ -113,7 +113,7 @@ impl Effect for Backlash {
     fn places(&self, scene: &Scene) -> Vec<Place> {
         (0..scene.nodes())
             .filter(|&n| {
-                scene.relevant[n] && scene.moves(n) && !self.variants(scene, Place::Joint(n)).is_empty()
+                scene.is_seen(n) && scene.moves(n) && !self.variants(scene, Place::Joint(n)).is_empty()
             })
             .map(Place::Joint)
             .collect()

@@ -23,8 +23,9 @@ impl Effect for JointCoupling {
     fn places(&self, scene: &Scene) -> Vec<Place> {
         let nodes = scene.nodes();
         let mut places = Vec::new();
-        for j in (0..nodes).filter(|&j| scene.relevant[j]) {
-            for k in (0..nodes).filter(|&k| k != j && scene.moves(k) && !scene.body.nodes[k].is_mimic) {
+        for j in (0..nodes).filter(|&j| scene.is_seen(j)) {
+            for k in (0..nodes).filter(|&k| k != j && scene.moves(k) && scene.body.nodes[k].follows.is_none())
+            {
                 if scene.body.nodes[j].ancestors[k] || scene.body.nodes[k].ancestors[j] {
                     places.push(Place::JointPair(j, k));
                 }

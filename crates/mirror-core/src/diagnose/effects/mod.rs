@@ -304,14 +304,14 @@ pub(crate) fn vocabulary() -> Vec<Box<dyn Effect>> {
     ]
 }
 
-/// Relevant joints as places.
+/// Joints whose position the observations show, as places.
 fn joints(scene: &Scene) -> Vec<Place> {
-    (0..scene.nodes()).filter(|&n| scene.relevant[n]).map(Place::Joint).collect()
+    (0..scene.nodes()).filter(|&n| scene.is_seen(n)).map(Place::Joint).collect()
 }
 
-/// Relevant joints that were commanded to more than one position.
+/// Those that were commanded to more than one position.
 fn moving_joints(scene: &Scene) -> Vec<Place> {
-    (0..scene.nodes()).filter(|&n| scene.relevant[n] && scene.moves(n)).map(Place::Joint).collect()
+    (0..scene.nodes()).filter(|&n| scene.is_seen(n) && scene.moves(n)).map(Place::Joint).collect()
 }
 
 /// The joint of a place; none of the base, a marker, camera, board and mirror.
@@ -337,10 +337,10 @@ fn place_error_m(scene: &Scene) -> f64 {
     (0.02 * scene.reach_m).clamp(0.004, 0.012)
 }
 
-/// Relevant joints on which gravity pulls.
+/// Those on which gravity pulls.
 fn loaded_joints(scene: &Scene) -> Vec<Place> {
     (0..scene.nodes())
-        .filter(|&n| scene.relevant[n] && scene.largest_torque(n) > NEGLIGIBLE)
+        .filter(|&n| scene.is_seen(n) && scene.largest_torque(n) > NEGLIGIBLE)
         .map(Place::Joint)
         .collect()
 }

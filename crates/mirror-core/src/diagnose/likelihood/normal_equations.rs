@@ -89,8 +89,7 @@ fn moves_board(problem: &Problem, atom: Atom, board: Option<usize>) -> bool {
         return !problem.camera_beside_board();
     }
     let camera = problem.camera_site.and_then(|s| s.node);
-    crate::diagnose::model::elementary::moves(atom, &problem.scene, board)
-        != crate::diagnose::model::elementary::moves(atom, &problem.scene, camera)
+    crate::diagnose::model::elementary::moves_against(atom, &problem.scene, board, camera)
 }
 
 impl Problem {

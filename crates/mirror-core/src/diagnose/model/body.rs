@@ -36,8 +36,13 @@ pub(crate) struct Node {
     pub long_axis: Option<Vector3<f64>>,
     /// Index into the commanded positions, and `position ↦ multiplier · position + offset` (mimic joints).
     pub command: (usize, f64, f64),
-    /// Whether it is a mimic joint: its position is that of another one, and says nothing that the other's does not.
-    pub is_mimic: bool,
+    /// The node of the joint that a mimic joint follows, and the factor; none of a joint that moves by itself.
+    ///
+    /// A mimic joint's commanded position says nothing that the other's does not. It follows where the other really is
+    /// (gears or links drive both), so an error of the other's position reaches it, times the factor.
+    pub follows: Option<(NodeId, f64)>,
+    /// The mimic joints that follow this one, each with its factor.
+    pub followers: Vec<(NodeId, f64)>,
     /// Mass (kg) and mass times centre (kg m, in the node's frame) of the body.
     pub mass: f64,
     pub mass_moment: Vector3<f64>,
@@ -133,7 +138,8 @@ impl Body {
                 telescope,
                 long_axis: None,
                 command: joint.drive.map_or((0, 0.0, 0.0), |d| (d.position, d.multiplier, d.offset)),
-                is_mimic: joint.mimic.is_some(),
+                follows: None,
+                followers: Vec::new(),
                 mass: 0.0,
                 mass_moment: Vector3::zeros(),
                 ancestors,
@@ -144,6 +150,7 @@ impl Body {
         for node in &mut nodes {
             node.ancestors.resize(count, false);
         }
+        join_followers(robot, &mut nodes);
         let (mut base_mass, mut base_mass_moment) = (0.0, Vector3::zeros());
         for (link, site) in robot.links().iter().zip(&link_sites) {
             let moment = site.node_from_site.point(&link.com_in_link_m.coords) * link.mass_kg;
@@ -219,4 +226,19 @@ fn tilt_directions(axis: &Vector3<f64>) -> [Vector3<f64>; 2] {
     let e = if axis.x.abs() >= 0.8 { Vector3::y() } else { Vector3::x() };
     let u = axis.cross(&e).normalize();
     [u, axis.cross(&u)]
+}
+
+/// Tells each mimic joint which one it follows, and that one which follow it: chains of mimic joints are followed to the
+/// joint that moves by itself.
+fn join_followers(robot: &Robot, nodes: &mut [Node]) {
+    let moving = || robot.joints().iter().filter(|j| j.kind != JointKind::Fixed);
+    for (follower, joint) in moving().enumerate().filter(|(_, j)| j.mimic.is_some()) {
+        let Some(drive) = joint.drive else { continue };
+        let leads = |j: &crate::robot::Joint| {
+            j.mimic.is_none() && j.drive.is_some_and(|d| d.position == drive.position)
+        };
+        let Some(leader) = moving().position(leads) else { continue };
+        nodes[follower].follows = Some((leader, drive.multiplier));
+        nodes[leader].followers.push((follower, drive.multiplier));
+    }
 }

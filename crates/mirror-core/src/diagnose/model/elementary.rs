@@ -111,6 +111,14 @@ impl Twist {
     pub fn along(shift: Vector3<f64>) -> Self {
         Self { omega: Vector3::zeros(), shift }
     }
+
+    pub fn times(&self, factor: f64) -> Self {
+        Self { omega: self.omega * factor, shift: self.shift * factor }
+    }
+
+    pub fn plus(&self, other: &Self) -> Self {
+        Self { omega: self.omega + other.omega, shift: self.shift + other.shift }
+    }
 }
 
 /// The part of `moment` transverse to the node's long axis, which bends the link (a moment about the axis does
@@ -185,7 +193,23 @@ fn middle(scene: &Scene, poses: &NodePoses, n: NodeId) -> Vector3<f64> {
     poses.world_from_node[n].point(&scene.body.nodes[n].pivot(&poses.theta))
 }
 
-/// Whether an atom of the body moves a site that rides on `node`.
+/// Whether an atom of the body moves one site against another, each by the node that it rides on; of a joint also by
+/// the mimic joints that follow it.
+pub(crate) fn moves_against(atom: Atom, scene: &Scene, one: Option<NodeId>, other: Option<NodeId>) -> bool {
+    let by = |atom: Atom| moves(atom, scene, one) != moves(atom, scene, other);
+    by(atom) || followers(atom, scene).iter().any(|(follower, _)| by(Atom::Joint(*follower)))
+}
+
+/// The mimic joints that an error of a joint's position moves along with it, each with its factor.
+#[inline]
+pub(crate) fn followers(atom: Atom, scene: &Scene) -> &[(NodeId, f64)] {
+    match atom {
+        Atom::Joint(n) => &scene.body.nodes[n].followers,
+        _ => &[],
+    }
+}
+
+/// Whether an atom of the body moves a site that rides on `node`, the joints that follow another one apart.
 #[inline]
 pub(crate) fn moves(atom: Atom, scene: &Scene, node: Option<NodeId>) -> bool {
     match atom {

@@ -76,7 +76,10 @@ impl NodePoses {
             } else {
                 tilted_axis(&node.axis, &node.tilt_directions, tilt).0
             };
-            let theta = commanded[n] + deformation.joint_delta(frame, n);
+            let mut theta = commanded[n] + deformation.joint_delta(frame, n);
+            if let Some((leader, factor)) = node.follows {
+                theta += factor * deformation.joint_delta(frame, leader);
+            }
             let motion = if node.prismatic {
                 Pose { r: Matrix3::identity(), t: axis * theta }
             } else {
@@ -111,7 +114,8 @@ impl NodePoses {
 /// frame), N m.
 ///
 /// `τ = a · Σ (c − o) × m g` over everything that moves when the joint turns while the root link stands still: what
-/// the node carries, or, if the node carries the root, all the rest with the opposite sign.
+/// the node carries, or, if the node carries the root, all the rest with the opposite sign. A joint that others follow
+/// (mimic) also bears theirs, times their factors: the generalised force on the position that moves them all.
 pub(crate) fn loads(
     body: &Body,
     poses: &NodePoses,
@@ -159,5 +163,8 @@ pub(crate) fn loads(
         };
         let middle = poses.world_from_node[n].point(&body.nodes[n].pivot(&poses.theta));
         moment[n] = poses.world_from_node[n].r.tr_mul(&((f - middle * m).cross(&gravity) * sign));
+    }
+    for (n, node) in body.nodes.iter().enumerate() {
+        torque[n] += node.followers.iter().map(|(follower, factor)| factor * torque[*follower]).sum::<f64>();
     }
 }

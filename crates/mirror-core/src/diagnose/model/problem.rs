@@ -6,7 +6,7 @@ use crate::diagnose::data::progress::Progress;
 use crate::diagnose::data::recording::{PointsFrame, Recording, Target, Tolerances, Via};
 use crate::diagnose::model::body::Site;
 use crate::diagnose::model::deformation::Deformation;
-use crate::diagnose::model::elementary::Atom;
+use crate::diagnose::model::elementary::{Atom, moves_against};
 use crate::diagnose::model::mistake_parameters::MistakeParameter;
 use crate::diagnose::model::pose::Pose;
 use crate::diagnose::model::scene::Scene;
@@ -123,7 +123,7 @@ pub(crate) struct Problem {
     pub boards: Vec<Option<BoardFit>>,
     /// Corners that are left out because they lie beside the grid of the others.
     pub false_corners: Vec<FalseCorner>,
-    /// Nodes that carry exactly one of camera and board.
+    /// Nodes that move board and camera against each other, those whose followers (mimic) do included.
     pub between_camera_and_board: Vec<usize>,
     /// Looked at whenever an eye is made, and in every frame that is evaluated.
     pub cancel: Cancel,
@@ -182,7 +182,7 @@ impl Problem {
         scene.tabulate_down(&marker_mounts);
         let between_camera_and_board = match (camera_site, board) {
             (Some(camera), Some(board)) => (0..scene.nodes())
-                .filter(|&n| scene.body.carries(n, camera.node) != scene.body.carries(n, board.node))
+                .filter(|&n| moves_against(Atom::Joint(n), &scene, camera.node, board.node))
                 .collect(),
             _ => Vec::new(),
         };

@@ -233,6 +233,11 @@ impl Scene {
         Some(positions.map(|of_frame| column.extension(of_frame)).collect())
     }
 
+    /// Whether the observations show the joint's position: by its own motion, or by that of a mimic joint that follows it.
+    pub fn is_seen(&self, node: NodeId) -> bool {
+        self.relevant[node] || self.body.nodes[node].followers.iter().any(|(k, _)| self.relevant[*k])
+    }
+
     /// Whether the joint was commanded to more than one position.
     pub fn moves(&self, node: NodeId) -> bool {
         let (low, high) = self.commanded_range[node];

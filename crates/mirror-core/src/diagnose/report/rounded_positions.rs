@@ -43,7 +43,7 @@ pub(crate) fn positions_are_rounded(findings: &Findings<'_>) -> Result<Option<St
     let search = &findings.search;
     let scene = &search.problem.scene;
     let rounded: Vec<(NodeId, (f64, String))> = (0..scene.nodes())
-        .filter(|&n| scene.relevant[n])
+        .filter(|&n| scene.is_seen(n) && scene.body.nodes[n].follows.is_none())
         .filter_map(|n| Some((n, step_of(scene, n)?)))
         .collect();
     let at = search.deformation(&findings.found.fit.model);

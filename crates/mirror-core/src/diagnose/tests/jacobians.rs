@@ -22,7 +22,22 @@ fn problem() -> Problem {
 
 /// The same, with a neck between camera and board or with both on one body.
 fn problem_with(neck: bool) -> Problem {
-    let world = World::new(4, neck);
+    problem_of(&World::new(4, neck))
+}
+
+/// The same with gears between joints: the neck turns along with a shoulder, an elbow with another one of its own arm.
+fn problem_with_gears() -> Problem {
+    let mut world = World::new(4, true);
+    let bone = |name: &str| world.bone(name);
+    world.geared = vec![
+        (bone("neck_yaw"), bone("l_shoulder_yaw"), 0.7),
+        (bone("r_elbow"), bone("r_shoulder_pitch"), -1.3),
+        (bone("l_elbow"), bone("r_shoulder_pitch"), 0.4),
+    ];
+    problem_of(&world)
+}
+
+fn problem_of(world: &World) -> Problem {
     let robot = Robot::from_urdf_str(&world.urdf()).unwrap();
     let plan = Plan {
         postures: 3,
@@ -130,8 +145,13 @@ fn off_plane(work: &FrameWork) -> DMatrix<f64> {
 
 #[test]
 fn every_atoms_column_is_the_derivative_of_the_exact_model() {
-    for (neck, frame) in [(true, 0), (true, 3), (false, 2)] {
-        let problem = problem_with(neck);
+    let problems = [
+        (problem_with(true), 0),
+        (problem_with(true), 3),
+        (problem_with(false), 2),
+        (problem_with_gears(), 1),
+    ];
+    for (problem, frame) in problems {
         let deformation = somewhere(&problem);
         let work = evaluated(&problem, &deformation, frame);
         let off = off_plane(&work);

@@ -4,7 +4,7 @@ use super::products::{PROJECTED, Span};
 use super::work::{FrameWork, Rows};
 use crate::diagnose::model::body::NodeId;
 use crate::diagnose::model::deformation::Deformation;
-use crate::diagnose::model::elementary::{Atom, Twist, body_twist, moves};
+use crate::diagnose::model::elementary::{Atom, Twist, body_twist, followers, moves};
 use crate::diagnose::model::problem::Problem;
 use crate::diagnose::model::slips::Slipped;
 use nalgebra::{Vector3, Vector6};
@@ -14,6 +14,25 @@ fn motion(problem: &Problem, node: Option<NodeId>, observer: Option<NodeId>, ato
     let target = moves(atom, &problem.scene, node);
     let observer = moves(atom, &problem.scene, observer);
     (target != observer).then_some(if target { 1.0 } else { -1.0 })
+}
+
+/// The motion of a row's target against its observer that an atom causes: its own twist, and those of the mimic joints
+/// that follow it; none where it moves neither or both.
+fn relative_twist(
+    work: &FrameWork,
+    (problem, deformation): (&Problem, &Deformation),
+    atom: Atom,
+    twist: &Twist,
+    (node, observer): (Option<NodeId>, Option<NodeId>),
+) -> Option<Twist> {
+    let own = motion(problem, node, observer, atom).map(|sign| twist.times(sign));
+    followers(atom, &problem.scene).iter().fold(own, |sum, &(follower, factor)| {
+        let atom = Atom::Joint(follower);
+        let Some(sign) = motion(problem, node, observer, atom) else { return sum };
+        let twist =
+            body_twist(atom, &problem.scene, &work.poses, deformation, work.frame)?.times(sign * factor);
+        Some(sum.map_or(twist, |sum| sum.plus(&twist)))
+    })
 }
 
 /// How the board's mount moves a row's target relative to its observer: the board itself, and a camera on the same
@@ -79,31 +98,35 @@ impl FrameWork {
         let condensed = &self.condensed;
         let mut at = 0;
         if condensed.used {
-            if let Some(end) = self.condensed_column(problem, atom, twist.as_ref(), out) {
+            if let Some(end) = self.condensed_column((problem, deformation), atom, twist.as_ref(), out) {
                 span = Some(Span { start: 0, end });
                 gradient = condensed.plane_of(out);
             }
             at = condensed.rank;
         }
-        // Rows of one target are adjacent: whether the elementary change moves it is computed once.
+        // Rows of one target are adjacent: how the elementary change moves it is computed once.
         let mut last = None;
         for row in &self.rows[condensed.corners..] {
             let value = match &twist {
                 Some(twist) => {
-                    let sign = match last {
-                        Some((node, observer, marker, sign))
+                    let relative = match last {
+                        Some((node, observer, marker, relative))
                             if node == row.node && observer == row.observer && marker == row.marker =>
                         {
-                            sign
+                            relative
                         }
                         _ => match atom {
-                            Atom::BoardMount(_) => board_motion(problem, row.marker.is_none(), row.measured),
-                            Atom::BoardSlip(_) => row.marker.is_none().then_some(1.0),
-                            _ => motion(problem, row.node, row.observer, atom),
+                            Atom::BoardMount(_) => board_motion(problem, row.marker.is_none(), row.measured)
+                                .map(|sign| twist.times(sign)),
+                            Atom::BoardSlip(_) => row.marker.is_none().then_some(*twist),
+                            _ => {
+                                let between = (row.node, row.observer);
+                                relative_twist(self, (problem, deformation), atom, twist, between)
+                            }
                         },
                     };
-                    last = Some((row.node, row.observer, row.marker, sign));
-                    sign.map(|s| row.by_world * (twist.omega.cross(&row.point) + twist.shift) * s)
+                    last = Some((row.node, row.observer, row.marker, relative));
+                    relative.map(|t| row.by_world * (t.omega.cross(&row.point) + t.shift))
                 }
                 None => self.rows_of(problem, row, atom),
             };
@@ -167,7 +190,7 @@ impl FrameWork {
     /// A column's rows of the condensed corners; where they end, or none where the atom does not move them.
     fn condensed_column(
         &self,
-        problem: &Problem,
+        (problem, deformation): (&Problem, &Deformation),
         atom: Atom,
         twist: Option<&Twist>,
         out: &mut [f64],
@@ -175,12 +198,15 @@ impl FrameWork {
         let condensed = &self.condensed;
         if let Some(twist) = twist {
             let node = problem.board_in(self.frame)?.node;
-            let sign = match atom {
-                Atom::BoardMount(_) => board_motion(problem, true, false),
-                Atom::BoardSlip(_) => Some(1.0),
-                _ => motion(problem, node, problem.camera_site.and_then(|s| s.node), atom),
+            let relative = match atom {
+                Atom::BoardMount(_) => board_motion(problem, true, false).map(|sign| twist.times(sign)),
+                Atom::BoardSlip(_) => Some(*twist),
+                _ => {
+                    let between = (node, problem.camera_site.and_then(|s| s.node));
+                    relative_twist(self, (problem, deformation), atom, twist, between)
+                }
             };
-            return sign.map(|sign| condensed.by_twist(twist, sign, out));
+            return relative.map(|twist| condensed.by_twist(&twist, out));
         }
         optics_column(atom).filter(|_| condensed.has_optics).map(|k| condensed.by_optics(k, out))
     }

@@ -63,9 +63,9 @@ impl Condensed {
     }
 
     /// The rows of a column that moves the board by a twist; how many of them are not 0.
-    pub fn by_twist(&self, twist: &Twist, sign: f64, out: &mut [f64]) -> usize {
-        let turn = self.turned * (twist.omega * sign);
-        let shift = self.turned * ((twist.omega.cross(&self.about) + twist.shift) * sign);
+    pub fn by_twist(&self, twist: &Twist, out: &mut [f64]) -> usize {
+        let turn = self.turned * twist.omega;
+        let shift = self.turned * (twist.omega.cross(&self.about) + twist.shift);
         let by = [turn.x, turn.y, turn.z, shift.x, shift.y, shift.z];
         for (row, out) in out[..self.of_motion].iter_mut().enumerate() {
             *out = self.row(row)[..MOTION].iter().zip(by).map(|(a, b)| a * b).sum();
@@ -76,7 +76,7 @@ impl Condensed {
     /// The rows of a column by the optics.
     pub fn by_optics(&self, column: usize, out: &mut [f64]) -> usize {
         match &self.by_mount {
-            Some(by_mount) if column < MOTION => self.by_twist(&by_mount[column], 1.0, out),
+            Some(by_mount) if column < MOTION => self.by_twist(&by_mount[column], out),
             _ => self.copy(column, out),
         }
     }

@@ -11,7 +11,7 @@
 use super::outlying::{False, target};
 use crate::diagnose::data::diagnosis::LeftOut;
 use crate::diagnose::model::body::NodeId;
-use crate::diagnose::model::elementary::{Atom, moves};
+use crate::diagnose::model::elementary::{Atom, moves_against};
 use crate::diagnose::model::frame::{FrameWork, Task};
 use crate::diagnose::model::problem::{Noise, Observation, Problem, Seen};
 use crate::diagnose::principles::{FAR_DEVIATIONS, FEWEST_OBSERVATIONS, Prior};
@@ -105,8 +105,7 @@ fn most_within(sights: &[Sight]) -> Option<Vec<&Sight>> {
 fn joints_that_move(problem: &Problem, marker: usize) -> usize {
     let scene = &problem.scene;
     let (carrier, camera) = (problem.marker_sites[marker].node, problem.camera_site.and_then(|s| s.node));
-    let between =
-        |n: &NodeId| moves(Atom::Joint(*n), scene, carrier) != moves(Atom::Joint(*n), scene, camera);
+    let between = |n: &NodeId| moves_against(Atom::Joint(*n), scene, carrier, camera);
     (0..scene.nodes()).filter(|&n| scene.moves(n)).filter(between).count()
 }
 

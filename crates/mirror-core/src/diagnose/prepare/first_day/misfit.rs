@@ -335,7 +335,11 @@ impl<'a> Misfit<'a> {
         }
         let deformation = work.moved.get_or_insert_with(|| self.known.clone());
         for (&n, change) in between.iter().zip(&changes) {
-            let wanted = self.known.joint_delta(frame, n) + change;
+            // A mimic joint follows the change of the one that leads it.
+            let led = scene.body.nodes[n].follows.map_or(0.0, |(leader, factor)| {
+                between.iter().zip(&changes).find(|(k, _)| **k == leader).map_or(0.0, |(_, by)| factor * by)
+            });
+            let wanted = self.known.joint_delta(frame, n) + change - led;
             deformation.add_joint_delta(frame, n, wanted - deformation.joint_delta(frame, n));
         }
         deformation.board_scale_error = self.known.board_scale_error + larger;
