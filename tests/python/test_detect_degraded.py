@@ -18,7 +18,9 @@ from fresh_pictures import look_at, seed_of
 from fresh_scene import picture as drawn_picture
 from mirror_posture.camera import Camera
 from mirror_posture.detect import PredictedMarker, detect_markers
+from mirror_posture.detect.blobs import color_regions
 from mirror_posture.detect.reading import read_picture_file
+from mirror_posture.detect.wider_search import regions_in_the_dark
 from mirror_posture.marker import ColorRange, Marker
 
 FINE = 5
@@ -235,6 +237,25 @@ def test_a_ball_smaller_than_forty_things_of_its_colour_is_found_among_them() ->
     assert len(places) > 40
     assert view.ok, view.reason
     assert view.pixel_px == pytest.approx(center, abs=0.1)
+
+
+def test_a_ball_whose_pixels_are_noise_is_found_in_the_dark() -> None:
+    """No pixel's hue says anything: a person sees the ball all the same, brightened from some way off."""
+    rng = np.random.default_rng(12)
+    errors = []
+    for _ in range(12):
+        center = (150.0 + rng.uniform(0.0, 8.0), 110.0 + rng.uniform(0.0, 8.0))
+        light = scene(center, rng)
+        picture = noisy(8.0)(0.025 * light, rng)
+        assert not color_regions(picture, [MARKER.color])[0]
+        hint = PredictedMarker("hand", (center[0] + 5.0, center[1] - 4.0), np.inf, RADIUS)
+        (view,) = detect_markers(picture, (MARKER,), CAMERA, expected=(hint,))
+        if view.ok:
+            error = np.subtract(view.pixel_px, center)
+            errors.append(error @ np.linalg.solve(view.covariance_px2, error) / 2.0)
+    assert len(errors) >= 10
+    assert float(np.mean(errors)) < 2.0
+    assert regions_in_the_dark(encoded(scene(center, rng)), [MARKER], [0.0]) is None
 
 
 def test_two_balls_that_fit_alike_are_masked() -> None:

@@ -8,7 +8,9 @@ Uncertain ones are masked with their reason.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 import numpy.typing as npt
@@ -35,12 +37,8 @@ from .recoded import LEAST_STEP, Codec, with_codec_errors
 from .rivals import ModelErrors, errors_elsewhere
 from .sharpening import without_sharpening
 from .types import MarkerView, PredictedMarker, color_of
+from .wider_search import regions_in_the_dark, regions_in_wide_range
 
-# A marker without a fitting region of its colour is searched in a range this many times as wide in hue, and
-# from these shares of its least saturation and value on.
-WIDER_HUE = 1.8
-WIDER_SATURATION = 0.8
-WIDER_VALUE = 0.5
 # A codec's blocks shift all edges of a side alike, by errors whose variance grows with its quantisation step
 # (levels): from these steps on they are most of the centre's variance; less than where colour is fine,
 # because coarse colour has additional errors. Measured on balls of 7 to 40 px at JPEG qualities 98 to 20.
@@ -50,6 +48,9 @@ TELLING_STEP_OF_COARSE_COLOUR = 16.0
 USUAL_STEP = 2.2
 # From this step on a codec has kept so little of the colour's detail that it is read as at half of the resolution, whatever the file says: at 4:4:4 and quality 92, 0.055 px against 0.073.
 COARSE_COLOUR_STEP = 1.5
+
+# A search for markers, told all markers' hues: each with the range of colour that was searched and the regions that have it; None where there is nothing to search.
+Search = Callable[[Sequence[Marker], Sequence[float]], list[tuple[Marker, tuple[Region, ...]]] | None]
 
 
 @checked_arguments
@@ -150,11 +151,12 @@ def detect_markers(
     offs_m = [one.off_m(focal_px) for one in seen]
     elsewhere = [errors_elsewhere(offs_m, index) for index in range(len(seen))]
     views = [one.chosen(focal_px, others) for one, others in zip(seen, elsewhere, strict=True)]
-    for index, job in _more_widely(bgr, jobs, views, options):
-        own = again(list(job.starts))
-        view = _seen(bgr, job, own, options, again, coded).chosen(focal_px, elsewhere[index])
-        if view.ok or not jobs[index].starts:
-            jobs[index], fits_of[index], views[index] = job, own, view
+    for search in (regions_in_wide_range, regions_in_the_dark):
+        for index, job in _searched_again(jobs, views, options, partial(search, bgr)):
+            own = again(list(job.starts))
+            view = _seen(bgr, job, own, options, again, coded).chosen(focal_px, elsewhere[index])
+            if view.ok or not jobs[index].starts:
+                jobs[index], fits_of[index], views[index] = job, own, view
     by_rays = views
     if quantisation_step <= MOST_QUANTISATION_STEP:
         wanted = [_expected(job, others) for job, others in zip(jobs, elsewhere, strict=True)]
@@ -212,11 +214,10 @@ def _job(
     return _Job(marker, choice, regions, starts=() if start is None else (start,))
 
 
-def _more_widely(
-    bgr: npt.NDArray[np.uint8], jobs: list[_Job], views: list[MarkerView], options: MarkerOptions
+def _searched_again(
+    jobs: list[_Job], views: list[MarkerView], options: MarkerOptions, search: Search
 ) -> list[tuple[int, _Job]]:
-    """Markers with a place and size from the model that are not found, by index, are searched in a wider
-    range of their colour: the light is warmer, colder or dimmer than assumed.
+    """Markers with a place and size from the model that are not found, by index, with what a wider search shows.
 
     If a part of the ball had its colour, that part determines the visible share as before.
     """
@@ -230,35 +231,14 @@ def _more_widely(
         and options.use_outline
         and (job.hint.ball_radius_px or 0.0) >= MIN_OUTLINE_RADIUS_PX
     ]
-    if not poor:
-        return []
-    wide = [_wide(jobs[index].marker, hues[:index] + hues[index + 1 :]) for index in poor]
-    found = color_regions(bgr, [color_of(marker) for marker in wide])
+    found = search([jobs[index].marker for index in poor], hues) if poor else None
     result = []
-    for index, marker, regions in zip(poor, wide, found, strict=True):
+    for index, (marker, regions) in zip(poor, found or [], strict=found is not None):
         own = jobs[index].marker if jobs[index].starts else marker
         job = _job(own, jobs[index].choice, regions, jobs[index].hint, None, options)
         if job.starts:
             result.append((index, job))
     return result
-
-
-def _wide(marker: Marker, other_hues_deg: list[float]) -> Marker:
-    """The marker with a wider range of its colour, half-way to the next other hue at most."""
-    color = color_of(marker)
-    away = [abs((hue - color.hue_deg + 180.0) % 360.0 - 180.0) for hue in other_hues_deg]
-    most = 0.5 * min((a for a in away if a > 0.0), default=360.0)
-    return replace(
-        marker,
-        color=replace(
-            color,
-            hue_tolerance_deg=max(
-                color.hue_tolerance_deg, min(WIDER_HUE * color.hue_tolerance_deg, most, 180.0)
-            ),
-            min_saturation=WIDER_SATURATION * color.min_saturation,
-            min_value=WIDER_VALUE * color.min_value,
-        ),
-    )
 
 
 def _seen(

@@ -43,10 +43,11 @@ const SHARED_BY_OVERSHOOT_PX: f64 = 0.4;
 const CORRELATION_PX: f64 = 1.35;
 const CODED_CORRELATION_PX: f64 = 1.8;
 /// Variance of the centre by the edges' scatter against what they show: the fit follows the errors that reach farthest along the outline. So many times more for
-/// each time that there are more edges than agree.
+/// each time that there are more edges than agree; in noise, which drives good edges out too, by more.
 const SCATTER_SHARE: f64 = 1.35;
 const CODED_SCATTER_SHARE: f64 = 1.45;
 const DISAGREEING_POWER: f64 = 0.6;
+const DISAGREEING_POWER_IN_NOISE: f64 = 1.0;
 /// So much of the square that edges left out near the outline would move the centre by is added; in coded pictures none.
 const LEFT_OUT_SHARE: f64 = 0.3;
 /// Edges that were left out may be the ball's own up to this far from its outline, px and blurs: what light does to an edge reaches no farther than the blur that
@@ -248,7 +249,9 @@ impl Aim {
         // In coded pictures edges scatter so much that their agreement says little.
         if !patch.coded {
             let more = points.len() as f64 / agreeing.max(1) as f64;
-            cone.centroid_covariance_px2 *= more.powf(DISAGREEING_POWER);
+            let noisy = patch.noise.smoothing_px > 0.0;
+            let power = if noisy { DISAGREEING_POWER_IN_NOISE } else { DISAGREEING_POWER };
+            cone.centroid_covariance_px2 *= more.powf(power);
         }
         let (ellipse_center, semi_axes, angle) = ellipse(&cone.boundary_px);
         let ball = BallOutline {
