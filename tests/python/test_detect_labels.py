@@ -138,7 +138,7 @@ def test_two_boards_where_one_was_expected_are_masked_unless_the_place_is_predic
     views = detect_boards(picture, Board(7, 4, 0.02))
     assert len(views) == 2
     assert not any(found.ok for found in views)
-    assert "2 boards found where 1 was expected" in views[0].reason
+    assert "2 boards found where 1 were expected" in views[0].reason
     truth = corners_px(7, 4, right)
     (found,) = detect_boards(picture, Board(7, 4, 0.02), prediction=BoardPrediction(corners_px=truth + 12.0))
     assert found.ok, found.reason

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+import shlex
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -9,9 +11,10 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
 from board_drawing import chessboard_picture
-from document_commands import python_of
+from document_commands import alike, python_of
 from fresh_looks import LOOKS, Look
 from fresh_pictures import known_of, markers_of, wrong_marker
 from fresh_scene import Scene, views
@@ -20,6 +23,7 @@ from mirror_posture import (
     Camera,
     Marker,
     MirrorPostureError,
+    cli,
     markers_from_views,
     mirror_from_picture,
     mirrors_from_pictures,
@@ -96,6 +100,25 @@ def test_the_python_of_the_page_runs(tmp_path: Path, monkeypatch: pytest.MonkeyP
     # No ball is in these pictures: none is told.
     exec(markers, names)
     assert not names["found"].positions.valid.any()
+
+
+def test_the_phones_pictures_of_the_page(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Mirrors at a right angle by a phone, as the page prints them; a picture of both is refused with its reason."""
+    folder = Path(__file__).resolve().parents[3] / "shared" / "data" / "pictures" / "lcma-two-mirrors"
+    if not folder.is_dir():
+        pytest.skip(f"{folder} is not there")
+    for file in folder.glob("Image*.jpg"):
+        (tmp_path / file.name).symlink_to(file)
+    monkeypatch.chdir(tmp_path)
+    page = (Path(__file__).parents[2] / "docs" / "measuring.md").read_text(encoding="utf-8")
+    (camera,) = re.findall(r"```yaml\n(image_width: 3264\n.*?)```", page, re.DOTALL)
+    Path("camera.yaml").write_text(camera, encoding="utf-8")
+    ((words, printed),) = re.findall(r"\$ mirror-posture (mirror Image3[^\n]*)\n(.*?)```", page, re.DOTALL)
+    ended = CliRunner().invoke(cli.app, shlex.split(words))
+    assert alike(printed, ended.stdout), ended.stdout
+    both = CliRunner().invoke(cli.app, shlex.split(words.replace("Image8", "Image1")))
+    assert "Image1.jpg" in both.stderr and "3 boards found where 2 were expected" in both.stderr
+    assert "Image7.jpg" in both.stdout
 
 
 def test_a_picture_without_the_board_says_so_and_does_not_stop_the_others(tmp_path: Path) -> None:

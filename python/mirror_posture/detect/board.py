@@ -75,7 +75,7 @@ def detect_boards(
     if len(found) > expected and options.strict_count:
         if prediction is None or prediction.corners_px is None:
             reason = (
-                f"{len(found)} boards found where {expected} was expected: predict the board's place, expect more views, "
+                f"{len(found)} boards found where {expected} were expected: predict the board's place, expect more views, "
                 "or keep the other boards out of the picture"
             )
             return tuple(
