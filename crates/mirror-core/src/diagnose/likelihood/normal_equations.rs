@@ -75,9 +75,12 @@ pub(crate) fn inner_in(x: &[f64], y: &[f64], span: Span) -> f64 {
     products(span.start..span.end) - products(rows..rows + PROJECTED)
 }
 
-/// Whether any column moves how the board's corners are seen.
+/// Whether any column moves how the board's corners are seen; without a board, whether any is of the camera, by which
+/// markers are seen.
 pub(crate) fn needs_board(problem: &Problem, columns: &[Column]) -> bool {
-    let Some(board) = problem.board else { return false };
+    let Some(board) = problem.board else {
+        return problem.camera.is_some() && columns.iter().any(|c| c.atom.is_optical());
+    };
     columns.iter().any(|c| moves_board(problem, c.atom, board.node))
 }
 
