@@ -74,6 +74,7 @@ pub(crate) fn tell_step(
     let others = findings.unexplained.take().map(|u| u.places).unwrap_or_default();
     let others = others.into_iter().filter(|p| p.place.is_some_and(|at| at != Place::Joint(step.node)));
     findings.unexplained = Some(Unexplained { places: core::iter::once(here).chain(others).collect() });
-    findings.step = prepared.step().cloned();
+    // With what was found after the step: the model's numbers are those of this session.
+    findings.step = Some((step.clone(), as_logged));
     Ok(Some(beside))
 }
