@@ -283,3 +283,29 @@ fn beside_something_gross_nothing_is_told_with_confidence() {
         assert!(told.causes.iter().all(|c| c.probability < EVEN), "{:?} {:#?}", told.causes, told.trace);
     }
 }
+
+#[test]
+fn a_joint_that_stops_before_its_target_is_no_row_of_digits() {
+    let world = World::new(4, false);
+    let mut recording = world.record(&Plan { postures: 60, seed: 91, ..Plan::default() });
+    let joint = column(&world, "r_elbow");
+    let stop = 0.3;
+    let mut beyond = 0;
+    for frame in &mut recording.frames {
+        let q = &mut frame.commanded[joint];
+        if *q > stop {
+            *q = stop + 5.0 * (*q - stop);
+            beyond += 1;
+        }
+    }
+    assert!((6..=16).contains(&beyond), "{beyond} of {} rows", recording.frames.len());
+    let told = diagnosed(&world, &recording);
+    assert!(
+        matches!(told.verdict, Verdict::Unknown | Verdict::Partial),
+        "{} {:#?}",
+        told.sentence,
+        told.trace
+    );
+    assert!(told.sentence.contains("joint:r_elbow"), "{} {:#?}", told.sentence, told.trace);
+    assert!(told.causes.iter().all(|c| c.probability < EVEN), "{:?}", told.causes);
+}

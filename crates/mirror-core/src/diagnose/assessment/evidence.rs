@@ -104,9 +104,11 @@ pub(crate) fn insufficient(data: &Data) -> bool {
     data.postures_used < FEWEST_POSTURES || data.points_used < FEWEST_OBSERVATIONS
 }
 
-/// Whether so many observations were left out as false that the agreement of the rest with the model says little.
+/// Whether so many observations were left out as false that the agreement of the rest with the model says little: single
+/// ones, or whole rows that no single joint corrects.
 pub(crate) fn much_is_false(data: &Data) -> bool {
     data.false_count() as f64 > WORTH_NAMING * data.points_given as f64
+        || data.rows_off() as f64 > WORTH_NAMING * data.frames_given as f64
 }
 
 /// Whether in more than a negligible share of the frames no flat mirror explains the board.
@@ -124,8 +126,27 @@ pub(crate) fn what_boards_are_false(data: &Data) -> String {
     )
 }
 
+/// In how many rows one joint is elsewhere, always to the same side, in words; none where no joint is.
+pub(crate) fn what_is_elsewhere(data: &Data) -> Option<(String, String)> {
+    let (joint, rows) = data.one_joint_elsewhere()?;
+    let told = format!(
+        "in {rows} of {} frames joint:{joint} is elsewhere than the row says, always to the same side, and they were left out: it stops before its target (a limit, a collision, \
+         a cable), slips, or loses steps",
+        data.frames_given
+    );
+    Some((joint, told))
+}
+
 /// How many observations are false, in words.
 pub(crate) fn what_is_false(data: &Data) -> String {
+    if data.false_count() as f64 <= WORTH_NAMING * data.points_given as f64 {
+        return format!(
+            "In {} of {} frames nearly all that was seen is far from the model, no single joint corrects it, and they were left out; the rest agrees with the nominal model. \
+             Look at what the robot did there.",
+            data.rows_off(),
+            data.frames_given
+        );
+    }
     format!(
         "{} of {} observations of markers are far from any model and were left out; the rest agrees with the nominal model. Look at what is listed: names, rows, or something that moved.",
         data.false_count(),

@@ -1,8 +1,8 @@
 //! The result of a diagnosis: plain data, written as JSON in the public format, with further details for the report.
 
-use crate::diagnose::principles::ABOVE_SCATTER;
+use crate::diagnose::principles::{ABOVE_SCATTER, FEWEST_POSTURES, MAJORITY};
 use serde::Serialize;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 /// A parameter with its standard deviation.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
@@ -338,6 +338,18 @@ impl LeftOut {
     /// How it begins where something in the background was taken for a marker.
     pub(crate) const AT_ONE_PIXEL: &str = "at one pixel";
 
+    /// How it is told where one joint's other position, from what the row says, corrects the row.
+    pub(crate) const WOULD_FIT: &str = "would fit if joint:";
+    /// How it begins where a whole row is off and no single joint corrects it.
+    pub(crate) const NEARLY_ALL: &str = "nearly all that was seen in this frame";
+
+    /// The joint whose other position corrects the row, and whether that is a larger one.
+    fn joint_elsewhere(&self) -> Option<(&str, bool)> {
+        let (_, told) = self.why.split_once(Self::WOULD_FIT)?;
+        let (joint, by) = told.split_once(" were ")?;
+        Some((joint, by.starts_with('+')))
+    }
+
     /// Whether it is a marker's observation that is far from the model's prediction.
     pub(crate) fn is_false(&self) -> bool {
         self.target != "board" && self.why.starts_with(Self::FAR_FROM)
@@ -348,6 +360,28 @@ impl Data {
     /// How many observations of markers were left out as false.
     pub(crate) fn false_count(&self) -> usize {
         self.left_out.iter().filter(|l| l.is_false()).count()
+    }
+
+    /// The joint that is elsewhere in most of the rows that one joint corrects, always to the same side, and in how many rows:
+    /// a law of that joint, and no digits. None of fewer than three rows.
+    pub(crate) fn one_joint_elsewhere(&self) -> Option<(String, usize)> {
+        let mut rows: BTreeMap<(&str, bool), BTreeSet<i64>> = BTreeMap::new();
+        let mut all: BTreeSet<i64> = BTreeSet::new();
+        for left in &self.left_out {
+            if let Some(of) = left.joint_elsewhere() {
+                rows.entry(of).or_default().insert(left.frame);
+                all.insert(left.frame);
+            }
+        }
+        let ((joint, _), its) = rows.into_iter().max_by_key(|(_, its)| its.len())?;
+        let many = its.len() >= FEWEST_POSTURES && its.len() as f64 > MAJORITY * all.len() as f64;
+        many.then(|| (joint.to_owned(), its.len()))
+    }
+
+    /// In how many frames nearly all that was seen is far from the model, and no single joint corrects it.
+    pub(crate) fn rows_off(&self) -> usize {
+        let off = self.left_out.iter().filter(|l| l.why.starts_with(LeftOut::NEARLY_ALL));
+        off.map(|l| l.frame).collect::<BTreeSet<_>>().len()
     }
 
     /// In how many frames the board is seen whole and is no reflection of the board.

@@ -5,7 +5,7 @@ use crate::diagnose::assessment::evidence;
 use crate::diagnose::assessment::findings::Findings;
 use crate::diagnose::criteria::cross_validation::{in_sample, seen_size};
 use crate::diagnose::criteria::lack_of_fit::adequacy;
-use crate::diagnose::data::diagnosis::{Cause, Data, Diagnosis, Gap, LeftOut, Verdict};
+use crate::diagnose::data::diagnosis::{Cause, Data, Diagnosis, Gap, LeftOut, Verdict, Where};
 use crate::diagnose::data::recording::Recording;
 use crate::diagnose::likelihood::noise::STATED_LOG_STD;
 use crate::diagnose::likelihood::probability::unfinished;
@@ -187,11 +187,54 @@ fn far(gap: Option<f64>, floor: Option<f64>, points: usize) -> bool {
     matches!((gap, floor), (Some(gap), Some(floor)) if gap > most * floor)
 }
 
+/// Whether the causes predict regions that were held out clearly worse than the nominal model does.
+fn worse_than_before(gap: &Gap) -> bool {
+    let worse = |before: Option<f64>, after: Option<f64>| matches!((before, after), (Some(before), Some(after)) if before < LEAST_HELD_OUT_RATIO * after);
+    match gap.before_m {
+        Some(_) => worse(gap.before_m, gap.after_m),
+        None => worse(gap.before_px, gap.after_px),
+    }
+}
+
+/// Names no cause where what was found, whole mistakes included, contradicts itself: the gap is that of the nominal model.
+fn name_nothing_more(diagnosis: &mut Diagnosis) {
+    let named: Vec<String> = diagnosis.causes.iter().map(|c| format!("{} at {}", c.effect, c.at)).collect();
+    diagnosis.trace.push(format!("not named, because the gap grows with it: {}", named.join(", ")));
+    diagnosis.sentence =
+        "There is a gap that no effect explains: what was found leaves it larger on postures that the fit did not see."
+            .into();
+    diagnosis.verdict = Verdict::Unknown;
+    diagnosis.causes.clear();
+    diagnosis.signatures.clear();
+    let gap = &mut diagnosis.gap;
+    gap.steps.truncate(1);
+    (gap.after_m, gap.after_px, gap.closed_ci95) = (gap.before_m, gap.before_px, None);
+    gap.closed = gap.closed.map(|_| 0.0);
+    gap.chosen_anew = None;
+}
+
 /// Takes a verdict back that the counted data do not carry.
 pub(crate) fn reserve(diagnosis: &mut Diagnosis, findings: &Findings<'_>) {
     if diagnosis.verdict == Verdict::None && evidence::much_is_false(&diagnosis.data) {
         diagnosis.sentence = evidence::what_is_false(&diagnosis.data);
         diagnosis.verdict = Verdict::Unknown;
+    }
+    if let Some((joint, told)) = evidence::what_is_elsewhere(&diagnosis.data) {
+        match diagnosis.verdict {
+            Verdict::None => {
+                diagnosis.sentence = format!(
+                    "Something without a name lives at joint:{joint}: {told}; the rest agrees with the nominal model."
+                );
+                diagnosis.verdict = Verdict::Unknown;
+                let depends_on = Some("some frames alone".into());
+                diagnosis.r#where = vec![Where { at: format!("joint:{joint}"), share: 1.0, depends_on }];
+            }
+            Verdict::Explained => {
+                diagnosis.sentence += &format!(" But {told}.");
+                diagnosis.verdict = Verdict::Partial;
+            }
+            _ => diagnosis.warnings.push(told),
+        }
     }
     // With too few postures no test may be significant, and tests of most postures do not see what a few leave; a gap far
     // above its own floor is still no agreement.
@@ -206,6 +249,19 @@ pub(crate) fn reserve(diagnosis: &mut Diagnosis, findings: &Findings<'_>) {
     if diagnosis.verdict == Verdict::Explained && is_far {
         diagnosis.sentence += " But the remaining gap is far above the noise floor: there is another cause.";
         diagnosis.verdict = Verdict::Partial;
+    }
+    if worse_than_before(&diagnosis.gap) && !diagnosis.causes.is_empty() {
+        name_nothing_more(diagnosis);
+    }
+    let at_its_bound = findings.geometry.as_ref().is_some_and(Geometry::is_at_its_bound);
+    if at_its_bound && diagnosis.verdict == Verdict::Explained {
+        diagnosis.sentence += " But the small errors of geometry would have to be larger than such errors are: there is another cause.";
+        diagnosis.verdict = Verdict::Partial;
+        diagnosis
+            .causes
+            .iter_mut()
+            .filter(|c| c.effect == "geometry")
+            .for_each(|c| c.probability *= MAJORITY);
     }
     // Where nothing was held out and predicted, no agreement is shown.
     if evidence::insufficient(&diagnosis.data) || !diagnosis.gap.is_told() {

@@ -10,7 +10,9 @@ use super::variant::{Variant, seen_joints};
 use super::verify::Tolerant;
 use crate::diagnose::data::diagnosis::LeftOut;
 use crate::diagnose::data::recording::{Frame, Recording, Target, Via};
+use crate::diagnose::model::body::NodeId;
 use crate::diagnose::model::deformation::Deformation;
+use crate::diagnose::model::elementary::{Atom, moves_against};
 use crate::diagnose::model::frame::{FrameWork, Task};
 use crate::diagnose::model::problem::{Noise, Observation, Problem, Seen};
 use crate::diagnose::principles::{
@@ -74,12 +76,18 @@ pub(super) fn find(
             continue;
         }
         let whole = markers.len() > 1 && chosen.len() as f64 >= NEARLY_ALL * markers.len() as f64;
+        let at = (&deformation, fit.noise, frame);
         let why = if whole {
             chosen.clone_from(&markers);
-            another_position(problem, joint_names, &deformation, fit.noise, &mut work, frame)?
-                .unwrap_or_else(|| "nearly all that was seen in this frame is far from the model".to_owned())
+            another_position(problem, joint_names, at, &mut work, None)?
+                .unwrap_or_else(|| format!("{} is far from the model", LeftOut::NEARLY_ALL))
         } else {
-            "far from all that small errors allow: a digit, a label, or another thing".to_owned()
+            let one_joints = match chosen.len() {
+                0 | 1 => None,
+                _ => another_position(problem, joint_names, at, &mut work, Some(&chosen))?,
+            };
+            let why = one_joints.unwrap_or_else(|| "a digit, a label, or another thing".to_owned());
+            format!("far from all that small errors allow: {why}")
         };
         let told = chosen
             .iter()
@@ -209,18 +217,21 @@ fn deviations(
     Ok(others.iter().zip(residuals).map(of).collect())
 }
 
-/// The joint that alone corrects a frame, in words.
+/// The joint that alone corrects a frame, in words. Of observations that are `beyond` it and are not all of the frame's, every one
+/// must fit then; of a whole frame most of them.
 fn another_position(
     problem: &Problem,
     joint_names: &[String],
-    deformation: &Deformation,
-    noise: Noise,
+    (deformation, noise, frame): (&Deformation, Noise, usize),
     work: &mut FrameWork,
-    frame: usize,
+    beyond: Option<&[usize]>,
 ) -> Result<Option<String>> {
     let eye = problem.eye(deformation)?;
     let mut best: Option<(f64, usize, f64)> = None;
-    for (joint, node) in seen_joints(&problem.scene.body, &problem.scene.relevant) {
+    let joints = seen_joints(&problem.scene.body, &problem.scene.relevant).into_iter();
+    for (joint, node) in
+        joints.filter(|(_, node)| beyond.is_none_or(|b| moves_these(problem, *node, frame, b)))
+    {
         let steps = (core::f64::consts::PI / POSITION_STEP) as i32;
         let mut moved = deformation.clone();
         let mut size_at = |delta: f64, work: &mut FrameWork| -> f64 {
@@ -235,7 +246,8 @@ fn another_position(
                 sizes.push(r.norm() / if measured { noise.point_m } else { noise.marker_px });
             });
             sizes.sort_by(f64::total_cmp);
-            sizes.get(sizes.len() / 2).copied().unwrap_or(f64::INFINITY)
+            let told = if beyond.is_some() { sizes.last() } else { sizes.get(sizes.len() / 2) };
+            told.copied().unwrap_or(f64::INFINITY)
         };
         let coarse = (-steps..=steps)
             .map(|k| f64::from(k) * POSITION_STEP)
@@ -251,10 +263,30 @@ fn another_position(
     let clear = best.filter(|b| b.0 < SURE_DEVIATIONS);
     Ok(clear.map(|(_, joint, delta)| {
         format!(
-            "would fit if joint:{} were {delta:+.3} from what the row says: a digit, or a sign",
+            "{}{} were {delta:+.3} from what the row says: a digit, or a sign",
+            LeftOut::WOULD_FIT,
             joint_names[joint]
         )
     }))
+}
+
+/// Whether a joint moves just these observations of a frame against what sees them, and no board.
+fn moves_these(problem: &Problem, node: NodeId, frame: usize, these: &[usize]) -> bool {
+    let (scene, joint) = (&problem.scene, Atom::Joint(node));
+    let camera = problem.camera_site.and_then(|s| s.node);
+    let moves_board = problem.board.is_some_and(|b| moves_against(joint, scene, b.node, camera));
+    let is_moved = |observation: &Observation| {
+        let observer = match observation {
+            Observation::Pixel { .. } => camera,
+            Observation::Point { .. } => problem.points_site.and_then(|s| s.node),
+        };
+        observation
+            .marker()
+            .is_some_and(|m| moves_against(joint, scene, problem.marker_sites[m].node, observer))
+    };
+    let others = problem.frames[frame].others.iter().enumerate();
+    !moves_board
+        && others.filter(|(_, o)| o.marker().is_some()).all(|(i, o)| is_moved(o) == these.contains(&i))
 }
 
 /// Removes observations of a frame, given by their index among its arranged ones.

@@ -1,0 +1,114 @@
+"""A camera that stands beside an arm and sees its markers directly, without mirror or board: simulated here by plain trigonometry."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import mirror_posture as mp
+
+JOINTS = (
+    ("turn", (0, 0, 1), (0, 0, 0.1)),
+    ("lift", (0, 1, 0), (0, 0, 0.06)),
+    ("bend", (0, 1, 0), (0, 0, 0.25)),
+)
+MARKERS = {"upper": (1, (0.03, 0.02, 0.14)), "wrist": (2, (0.0, 0.03, 0.2)), "tip": (2, (0.06, -0.02, 0.26))}
+FOCAL_PX, CENTER_PX = 900.0, np.array([639.5, 479.5])
+# The camera stands 1.1 m before the arm and looks back along x: its x axis is the base's y, its y axis points down.
+CAMERA_FROM_BASE = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, -1.0], [-1.0, 0.0, 0.0]])
+CAMERA_AT = np.array([1.1, 0.0, 0.3])
+
+
+def turned(axis: tuple[int, int, int], angle: float) -> np.ndarray:
+    """Rodrigues' rotation."""
+    x, y, z = axis
+    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]], dtype=float)
+    return np.eye(3) + np.sin(angle) * cross + (1.0 - np.cos(angle)) * cross @ cross
+
+
+def seen(q: np.ndarray) -> dict[str, np.ndarray]:
+    """Markers in the camera's frame, m."""
+    rotation, place = np.eye(3), np.zeros(3)
+    frames = []
+    for (_, axis, at), angle in zip(JOINTS, q, strict=True):
+        place = place + rotation @ np.array(at)
+        rotation = rotation @ turned(axis, angle)
+        frames.append((rotation, place))
+    points = {name: frames[k][1] + frames[k][0] @ np.array(at) for name, (k, at) in MARKERS.items()}
+    return {name: CAMERA_FROM_BASE @ (point - CAMERA_AT) for name, point in points.items()}
+
+
+def written(folder: Path, focal_error: float = 0.0, center_px: tuple[float, float] = (0.0, 0.0)) -> Path:
+    folder.mkdir()
+    links = [
+        f'<link name="{name}"/>' for name in ("base", "camera", *(j[0] + "_link" for j in JOINTS), *MARKERS)
+    ]
+    parents = ["base", *(j[0] + "_link" for j in JOINTS)]
+    joints = [
+        f'<joint name="{name}" type="revolute"><parent link="{parents[k]}"/><child link="{name}_link"/><axis xyz="{" ".join(map(str, axis))}"/>'
+        f'<origin xyz="{" ".join(map(str, at))}"/><limit lower="-2" upper="2" effort="1" velocity="1"/></joint>'
+        for k, (name, axis, at) in enumerate(JOINTS)
+    ]
+    joints += [
+        f'<joint name="{name}_mount" type="fixed"><parent link="{parents[k + 1]}"/><child link="{name}"/><origin xyz="{" ".join(map(str, at))}"/></joint>'
+        for name, (k, at) in MARKERS.items()
+    ]
+    # Fixed-axis angles whose matrix is base_from_camera: first -90° about x, then 90° about z.
+    joints.append(
+        '<joint name="eye" type="fixed"><parent link="base"/><child link="camera"/>'
+        f'<origin xyz="{" ".join(map(str, CAMERA_AT))}" rpy="{-np.pi / 2} 0 {np.pi / 2}"/></joint>'
+    )
+    (folder / "robot.urdf").write_text(f'<robot name="arm">{"".join(links + joints)}</robot>')
+    markers = "".join(
+        f'[[markers]]\nname = "{name}"\nlink = "{name}"\ndiameter = 0.0\nmount = "known"\n'
+        for name in MARKERS
+    )
+    (folder / "session.toml").write_text(
+        'format = "mirror-posture/session"\nversion = 1\nrobot = "robot.urdf"\ncamera = "camera.yaml"\nroot = "base"\ngravity = [0.0, 0.0, -9.81]\n'
+        f'[camera_mount]\nlink = "camera"\n{markers}[noise]\npixel_std = 0.2\n'
+    )
+    (folder / "camera.yaml").write_text(
+        f"image_width: 1280\nimage_height: 960\ncamera_matrix: {{rows: 3, cols: 3, data: [{FOCAL_PX}, 0, {CENTER_PX[0]}, 0, {FOCAL_PX}, {CENTER_PX[1]}, 0, 0, 1]}}\n"
+        "distortion_model: plumb_bob\ndistortion_coefficients: {rows: 1, cols: 5, data: [0, 0, 0, 0, 0]}\n"
+    )
+    rng = np.random.default_rng(7)
+    rows, sights = ["frame,posture," + ",".join(j[0] for j in JOINTS)], ["frame,target,index,u,v,via"]
+    for frame in range(60):
+        q = rng.uniform(-0.8, 0.8, 3)
+        rows.append(f"{frame},{frame}," + ",".join(f"{x:.6f}" for x in q))
+        for name, point in seen(q).items():
+            pixel = FOCAL_PX * (1.0 + focal_error) * point[:2] / point[2] + CENTER_PX + center_px
+            u, v = pixel + rng.normal(0.0, 0.2, 2)
+            sights.append(f"{frame},{name},0,{u:.4f},{v:.4f},direct")
+    (folder / "frames.csv").write_text("\n".join(rows) + "\n")
+    (folder / "detections.csv").write_text("\n".join(sights) + "\n")
+    return folder
+
+
+def test_nothing_is_wrong(tmp_path: Path) -> None:
+    found = mp.diagnose(mp.load_session(written(tmp_path / "session")))
+    assert found.verdict == "none", found.sentence
+
+
+@pytest.mark.parametrize(
+    ("effect", "error", "parameter", "value"),
+    [
+        ("camera_focal", {"focal_error": 0.012}, "scale_error", 0.012),
+        ("camera_center", {"center_px": (9.0, -6.0)}, "du_px", 9.0),
+    ],
+)
+def test_the_cameras_error_is_told_and_no_joint_is_blamed(
+    effect: str, error: dict[str, float], parameter: str, value: float, tmp_path: Path
+) -> None:
+    found = mp.diagnose(mp.load_session(written(tmp_path / "session", **error)))
+    assert found.verdict == "explained", found.sentence
+    (cause,) = found.causes
+    assert (cause.effect, cause.at) == (effect, "camera"), cause
+    told = cause.parameters[parameter]
+    assert abs(told.value - value) < 4.0 * told.std
+    focal = next(
+        limit for limit in found.limits if limit.effect == "lens_distortion" and limit.at == "camera"
+    )
+    assert all(limit is not None for limit in focal.parameters.values())
