@@ -187,6 +187,12 @@ fn far(gap: Option<f64>, floor: Option<f64>, points: usize) -> bool {
     matches!((gap, floor), (Some(gap), Some(floor)) if gap > most * floor)
 }
 
+/// Whether a cause is told of a joint.
+fn names_joint(diagnosis: &Diagnosis, joint: &str) -> bool {
+    let at = format!("joint:{joint}");
+    diagnosis.causes.iter().any(|c| c.at.split("<-").next() == Some(&at))
+}
+
 /// Whether the causes predict regions that were held out clearly worse than the nominal model does.
 fn worse_than_before(gap: &Gap) -> bool {
     let worse = |before: Option<f64>, after: Option<f64>| matches!((before, after), (Some(before), Some(after)) if before < LEAST_HELD_OUT_RATIO * after);
@@ -229,7 +235,8 @@ pub(crate) fn reserve(diagnosis: &mut Diagnosis, findings: &Findings<'_>) {
                 let depends_on = Some("some frames alone".into());
                 diagnosis.r#where = vec![Where { at: format!("joint:{joint}"), share: 1.0, depends_on }];
             }
-            Verdict::Explained => {
+            // Where a cause is told of this joint, these rows may be the rest of what it does.
+            Verdict::Explained if !names_joint(diagnosis, &joint) => {
                 diagnosis.sentence += &format!(" But {told}.");
                 diagnosis.verdict = Verdict::Partial;
             }
