@@ -236,7 +236,8 @@ pub(crate) fn reserve(diagnosis: &mut Diagnosis, findings: &Findings<'_>) {
                 diagnosis.r#where = vec![Where { at: format!("joint:{joint}"), share: 1.0, depends_on }];
             }
             // Where a cause is told of this joint, these rows may be the rest of what it does.
-            Verdict::Explained if !names_joint(diagnosis, &joint) => {
+            _ if names_joint(diagnosis, &joint) => {}
+            Verdict::Explained => {
                 diagnosis.sentence += &format!(" But {told}.");
                 diagnosis.verdict = Verdict::Partial;
             }
