@@ -232,7 +232,7 @@ pub(crate) fn reserve(diagnosis: &mut Diagnosis, findings: &Findings<'_>) {
                     "Something without a name lives at joint:{joint}: {told}; the rest agrees with the nominal model."
                 );
                 diagnosis.verdict = Verdict::Unknown;
-                let depends_on = Some("some frames alone".into());
+                let depends_on = Some("row".into());
                 diagnosis.r#where = vec![Where { at: format!("joint:{joint}"), share: 1.0, depends_on }];
             }
             // Where a cause is told of this joint, these rows may be the rest of what it does.
