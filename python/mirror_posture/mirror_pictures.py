@@ -248,8 +248,8 @@ def _trusted(found: PictureDetections, via: str) -> tuple[Floats, float]:
     view = next((view for view in found.boards if view.via == via), None)
     if view is None or not view.ok or view.corners_px is None or view.std_px is None:
         # Where the boards can't be told apart, none is a mirror's, and all say why.
-        all_of_it = next((board.reason for board in found.boards if not board.ok), "not found")
-        reason = all_of_it if view is None else view.reason
+        refused = [board for board in found.boards if not board.ok] if view is None else [view]
+        reason = refused[0].reason if refused else "not found"
         seen = "seen directly" if via == "direct" else "in the mirror"
         raise MirrorPostureError(f"{found.source}: board {seen}: {reason}")
     shown = np.ones(len(view.corners_px), dtype=bool) if view.visible is None else view.visible

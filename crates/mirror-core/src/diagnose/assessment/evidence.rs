@@ -126,13 +126,17 @@ pub(crate) fn what_boards_are_false(data: &Data) -> String {
     )
 }
 
-/// In how many rows one joint is elsewhere, always to the same side, in words; none where no joint is.
-pub(crate) fn what_is_elsewhere(data: &Data) -> Option<(String, String)> {
-    let (joint, rows) = data.one_joint_elsewhere()?;
+/// The joint that is elsewhere in several postures, always to the same side, and that in words; none where no joint is.
+pub(crate) fn what_is_elsewhere(data: &Data, problem: &Problem) -> Option<(String, String)> {
+    let posture_of = |number: i64| {
+        let frame = problem.frame_numbers.iter().position(|n| *n == number);
+        frame.map_or(number, |frame| problem.posture[frame])
+    };
+    let (joint, postures) = data.one_joint_elsewhere(posture_of)?;
     let told = format!(
-        "in {rows} of {} frames joint:{joint} is elsewhere than the row says, always to the same side, and they were left out: it stops before its target (a limit, a collision, \
+        "in {postures} of {} postures joint:{joint} is elsewhere than the row says, always to the same side, and they were left out: it stops before its target (a limit, a collision, \
          a cable), slips, or loses steps",
-        data.frames_given
+        data.postures_given
     );
     Some((joint, told))
 }

@@ -362,18 +362,19 @@ impl Data {
         self.left_out.iter().filter(|l| l.is_false()).count()
     }
 
-    /// The joint that is elsewhere in most of the rows that one joint corrects, always to the same side, and in how many rows:
-    /// a law of that joint, and no digits. None of fewer than three rows.
-    pub(crate) fn one_joint_elsewhere(&self) -> Option<(String, usize)> {
-        let mut rows: BTreeMap<(&str, bool), BTreeSet<i64>> = BTreeMap::new();
+    /// The joint that is elsewhere in most of the postures that one joint corrects, always to the same side, and in how many:
+    /// a law of that joint, and no digits. None of fewer than three postures; `posture_of` a frame, by its number.
+    pub(crate) fn one_joint_elsewhere(&self, posture_of: impl Fn(i64) -> i64) -> Option<(String, usize)> {
+        let mut postures: BTreeMap<(&str, bool), BTreeSet<i64>> = BTreeMap::new();
         let mut all: BTreeSet<i64> = BTreeSet::new();
         for left in &self.left_out {
             if let Some(of) = left.joint_elsewhere() {
-                rows.entry(of).or_default().insert(left.frame);
-                all.insert(left.frame);
+                let posture = posture_of(left.frame);
+                postures.entry(of).or_default().insert(posture);
+                all.insert(posture);
             }
         }
-        let ((joint, _), its) = rows.into_iter().max_by_key(|(_, its)| its.len())?;
+        let ((joint, _), its) = postures.into_iter().max_by_key(|(_, its)| its.len())?;
         let many = its.len() >= FEWEST_POSTURES && its.len() as f64 > MAJORITY * all.len() as f64;
         many.then(|| (joint.to_owned(), its.len()))
     }

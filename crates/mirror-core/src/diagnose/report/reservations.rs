@@ -225,7 +225,7 @@ pub(crate) fn reserve(diagnosis: &mut Diagnosis, findings: &Findings<'_>) {
         diagnosis.sentence = evidence::what_is_false(&diagnosis.data);
         diagnosis.verdict = Verdict::Unknown;
     }
-    if let Some((joint, told)) = evidence::what_is_elsewhere(&diagnosis.data) {
+    if let Some((joint, told)) = evidence::what_is_elsewhere(&diagnosis.data, &findings.search.problem) {
         match diagnosis.verdict {
             Verdict::None => {
                 diagnosis.sentence = format!(
