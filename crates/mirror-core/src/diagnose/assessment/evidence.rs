@@ -5,9 +5,9 @@ use crate::diagnose::data::diagnosis::{Data, LeftOut};
 use crate::diagnose::data::recording::{Recording, Sighting, Target, Via};
 use crate::diagnose::model::frame::{FEWEST_CORNERS, FrameWork, Task};
 use crate::diagnose::model::problem::{Observation, Problem, Seen};
-use crate::diagnose::principles::{FEWEST_OBSERVATIONS, FEWEST_POSTURES, WORTH_NAMING};
+use crate::diagnose::principles::{FEWEST_OBSERVATIONS, FEWEST_POSTURES, MAJORITY, WORTH_NAMING};
 use crate::error::Result;
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
 /// The session in the steps from the given to the used data.
 pub(crate) struct Sources<'a> {
@@ -108,7 +108,7 @@ pub(crate) fn insufficient(data: &Data) -> bool {
 /// ones, or whole rows that no single joint corrects.
 pub(crate) fn much_is_false(data: &Data) -> bool {
     data.false_count() as f64 > WORTH_NAMING * data.points_given as f64
-        || data.rows_off() as f64 > WORTH_NAMING * data.frames_given as f64
+        || rows_off(data) as f64 > WORTH_NAMING * data.frames_given as f64
 }
 
 /// Whether in more than a negligible share of the frames no flat mirror explains the board.
@@ -126,13 +126,36 @@ pub(crate) fn what_boards_are_false(data: &Data) -> String {
     )
 }
 
+/// The joint that is elsewhere in most of the postures that one joint corrects, always to the same side, and in how many:
+/// a law of that joint, and no digits. None of fewer than three postures; `posture_of` a frame, by its number.
+fn one_joint_elsewhere(data: &Data, posture_of: impl Fn(i64) -> i64) -> Option<(String, usize)> {
+    let mut postures: BTreeMap<(&str, bool), BTreeSet<i64>> = BTreeMap::new();
+    let mut all: BTreeSet<i64> = BTreeSet::new();
+    for left in &data.left_out {
+        if let Some(of) = left.joint_elsewhere() {
+            let posture = posture_of(left.frame);
+            postures.entry(of).or_default().insert(posture);
+            all.insert(posture);
+        }
+    }
+    let ((joint, _), its) = postures.into_iter().max_by_key(|(_, its)| its.len())?;
+    let many = its.len() >= FEWEST_POSTURES && its.len() as f64 > MAJORITY * all.len() as f64;
+    many.then(|| (joint.to_owned(), its.len()))
+}
+
+/// In how many frames nearly all that was seen is far from the model, and no single joint corrects it.
+fn rows_off(data: &Data) -> usize {
+    let off = data.left_out.iter().filter(|l| l.why.starts_with(LeftOut::NEARLY_ALL));
+    off.map(|l| l.frame).collect::<BTreeSet<_>>().len()
+}
+
 /// The joint that is elsewhere in several postures, always to the same side, and that in words; none where no joint is.
 pub(crate) fn what_is_elsewhere(data: &Data, problem: &Problem) -> Option<(String, String)> {
     let posture_of = |number: i64| {
         let frame = problem.frame_numbers.iter().position(|n| *n == number);
         frame.map_or(number, |frame| problem.posture[frame])
     };
-    let (joint, postures) = data.one_joint_elsewhere(posture_of)?;
+    let (joint, postures) = one_joint_elsewhere(data, posture_of)?;
     let told = format!(
         "in {postures} of {} postures joint:{joint} is elsewhere than the row says, always to the same side, and they were left out: it stops before its target (a limit, a collision, \
          a cable), slips, or loses steps",
@@ -147,7 +170,7 @@ pub(crate) fn what_is_false(data: &Data) -> String {
         return format!(
             "In {} of {} frames nearly all that was seen is far from the model, no single joint corrects it, and they were left out; the rest agrees with the nominal model. \
              Look at what the robot did there.",
-            data.rows_off(),
+            rows_off(data),
             data.frames_given
         );
     }

@@ -1,8 +1,8 @@
 //! The result of a diagnosis: plain data, written as JSON in the public format, with further details for the report.
 
-use crate::diagnose::principles::{ABOVE_SCATTER, FEWEST_POSTURES, MAJORITY};
+use crate::diagnose::principles::ABOVE_SCATTER;
 use serde::Serialize;
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 
 /// A parameter with its standard deviation.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
@@ -344,7 +344,7 @@ impl LeftOut {
     pub(crate) const NEARLY_ALL: &str = "nearly all that was seen in this frame";
 
     /// The joint whose other position corrects the row, and whether that is a larger one.
-    fn joint_elsewhere(&self) -> Option<(&str, bool)> {
+    pub(crate) fn joint_elsewhere(&self) -> Option<(&str, bool)> {
         let (_, told) = self.why.split_once(Self::WOULD_FIT)?;
         let (joint, by) = told.split_once(" were ")?;
         Some((joint, by.starts_with('+')))
@@ -360,29 +360,6 @@ impl Data {
     /// How many observations of markers were left out as false.
     pub(crate) fn false_count(&self) -> usize {
         self.left_out.iter().filter(|l| l.is_false()).count()
-    }
-
-    /// The joint that is elsewhere in most of the postures that one joint corrects, always to the same side, and in how many:
-    /// a law of that joint, and no digits. None of fewer than three postures; `posture_of` a frame, by its number.
-    pub(crate) fn one_joint_elsewhere(&self, posture_of: impl Fn(i64) -> i64) -> Option<(String, usize)> {
-        let mut postures: BTreeMap<(&str, bool), BTreeSet<i64>> = BTreeMap::new();
-        let mut all: BTreeSet<i64> = BTreeSet::new();
-        for left in &self.left_out {
-            if let Some(of) = left.joint_elsewhere() {
-                let posture = posture_of(left.frame);
-                postures.entry(of).or_default().insert(posture);
-                all.insert(posture);
-            }
-        }
-        let ((joint, _), its) = postures.into_iter().max_by_key(|(_, its)| its.len())?;
-        let many = its.len() >= FEWEST_POSTURES && its.len() as f64 > MAJORITY * all.len() as f64;
-        many.then(|| (joint.to_owned(), its.len()))
-    }
-
-    /// In how many frames nearly all that was seen is far from the model, and no single joint corrects it.
-    pub(crate) fn rows_off(&self) -> usize {
-        let off = self.left_out.iter().filter(|l| l.why.starts_with(LeftOut::NEARLY_ALL));
-        off.map(|l| l.frame).collect::<BTreeSet<_>>().len()
     }
 
     /// In how many frames the board is seen whole and is no reflection of the board.
