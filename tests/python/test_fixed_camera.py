@@ -1,4 +1,4 @@
-"""A camera that stands beside an arm and sees its markers directly, without mirror or board: simulated here by plain trigonometry."""
+"""A camera that stands beside an arm, or in its hand, and sees markers directly, without mirror or board: simulated here by plain trigonometry."""
 
 from __future__ import annotations
 
@@ -16,9 +16,19 @@ JOINTS = (
 )
 MARKERS = {"upper": (1, (0.03, 0.02, 0.14)), "wrist": (2, (0.0, 0.03, 0.2)), "tip": (2, (0.06, -0.02, 0.26))}
 FOCAL_PX, CENTER_PX = 900.0, np.array([639.5, 479.5])
+# Of a camera in the hand: markers on the base, in front of it.
+ON_BASE = {
+    "left": (-1, (1.0, 0.3, 0.45)),
+    "right": (-1, (1.1, -0.25, 0.6)),
+    "low": (-1, (0.9, 0.05, 0.2)),
+    "far": (-1, (1.3, 0.0, 0.4)),
+}
 # The camera stands 1.1 m before the arm and looks back along x: its x axis is the base's y, its y axis points down.
 CAMERA_FROM_BASE = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, -1.0], [-1.0, 0.0, 0.0]])
 CAMERA_AT = np.array([1.1, 0.0, 0.3])
+# In the hand it looks along the hand's x axis, its x axis is the hand's -y.
+CAMERA_FROM_HAND = np.array([[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]])
+CAMERA_IN_HAND = np.array([0.05, 0.0, 0.15])
 
 
 def turned(axis: tuple[int, int, int], angle: float) -> np.ndarray:
@@ -28,7 +38,7 @@ def turned(axis: tuple[int, int, int], angle: float) -> np.ndarray:
     return np.eye(3) + np.sin(angle) * cross + (1.0 - np.cos(angle)) * cross @ cross
 
 
-def seen(q: np.ndarray) -> dict[str, np.ndarray]:
+def seen(q: np.ndarray, in_hand: bool) -> dict[str, np.ndarray]:
     """Markers in the camera's frame, m."""
     rotation, place = np.eye(3), np.zeros(3)
     frames = []
@@ -36,14 +46,30 @@ def seen(q: np.ndarray) -> dict[str, np.ndarray]:
         place = place + rotation @ np.array(at)
         rotation = rotation @ turned(axis, angle)
         frames.append((rotation, place))
-    points = {name: frames[k][1] + frames[k][0] @ np.array(at) for name, (k, at) in MARKERS.items()}
-    return {name: CAMERA_FROM_BASE @ (point - CAMERA_AT) for name, point in points.items()}
+    frames.append((np.eye(3), np.zeros(3)))
+    points = {name: frames[k][1] + frames[k][0] @ np.array(at) for name, (k, at) in markers(in_hand).items()}
+    if not in_hand:
+        return {name: CAMERA_FROM_BASE @ (point - CAMERA_AT) for name, point in points.items()}
+    at = place + rotation @ CAMERA_IN_HAND
+    return {name: CAMERA_FROM_HAND @ rotation.T @ (point - at) for name, point in points.items()}
 
 
-def written(folder: Path, focal_error: float = 0.0, center_px: tuple[float, float] = (0.0, 0.0)) -> Path:
+def markers(in_hand: bool) -> dict[str, tuple[int, tuple[float, float, float]]]:
+    """Each marker's joint and its place on that joint's link; -1 is the base."""
+    return ON_BASE if in_hand else MARKERS
+
+
+def written(
+    folder: Path,
+    focal_error: float = 0.0,
+    center_px: tuple[float, float] = (0.0, 0.0),
+    in_hand: bool = False,
+    lift_offset: float = 0.0,
+) -> Path:
     folder.mkdir()
+    placed = markers(in_hand)
     links = [
-        f'<link name="{name}"/>' for name in ("base", "camera", *(j[0] + "_link" for j in JOINTS), *MARKERS)
+        f'<link name="{name}"/>' for name in ("base", "camera", *(j[0] + "_link" for j in JOINTS), *placed)
     ]
     parents = ["base", *(j[0] + "_link" for j in JOINTS)]
     joints = [
@@ -53,21 +79,21 @@ def written(folder: Path, focal_error: float = 0.0, center_px: tuple[float, floa
     ]
     joints += [
         f'<joint name="{name}_mount" type="fixed"><parent link="{parents[k + 1]}"/><child link="{name}"/><origin xyz="{" ".join(map(str, at))}"/></joint>'
-        for name, (k, at) in MARKERS.items()
+        for name, (k, at) in placed.items()
     ]
     # Fixed-axis angles whose matrix is base_from_camera: first -90° about x, then 90° about z.
+    parent, at, turn = (parents[-1], CAMERA_IN_HAND, -1) if in_hand else ("base", CAMERA_AT, 1)
     joints.append(
-        '<joint name="eye" type="fixed"><parent link="base"/><child link="camera"/>'
-        f'<origin xyz="{" ".join(map(str, CAMERA_AT))}" rpy="{-np.pi / 2} 0 {np.pi / 2}"/></joint>'
+        f'<joint name="eye" type="fixed"><parent link="{parent}"/><child link="camera"/>'
+        f'<origin xyz="{" ".join(map(str, at))}" rpy="{-np.pi / 2} 0 {turn * np.pi / 2}"/></joint>'
     )
     (folder / "robot.urdf").write_text(f'<robot name="arm">{"".join(links + joints)}</robot>')
-    markers = "".join(
-        f'[[markers]]\nname = "{name}"\nlink = "{name}"\ndiameter = 0.0\nmount = "known"\n'
-        for name in MARKERS
+    sections = "".join(
+        f'[[markers]]\nname = "{name}"\nlink = "{name}"\ndiameter = 0.0\nmount = "known"\n' for name in placed
     )
     (folder / "session.toml").write_text(
         'format = "mirror-posture/session"\nversion = 1\nrobot = "robot.urdf"\ncamera = "camera.yaml"\nroot = "base"\ngravity = [0.0, 0.0, -9.81]\n'
-        f'[camera_mount]\nlink = "camera"\n{markers}[noise]\npixel_std = 0.2\n'
+        f'[camera_mount]\nlink = "camera"\n{sections}[noise]\npixel_std = 0.2\n'
     )
     (folder / "camera.yaml").write_text(
         f"image_width: 1280\nimage_height: 960\ncamera_matrix: {{rows: 3, cols: 3, data: [{FOCAL_PX}, 0, {CENTER_PX[0]}, 0, {FOCAL_PX}, {CENTER_PX[1]}, 0, 0, 1]}}\n"
@@ -76,20 +102,32 @@ def written(folder: Path, focal_error: float = 0.0, center_px: tuple[float, floa
     rng = np.random.default_rng(7)
     rows, sights = ["frame,posture," + ",".join(j[0] for j in JOINTS)], ["frame,target,index,u,v,via"]
     for frame in range(60):
-        q = rng.uniform(-0.8, 0.8, 3)
+        q = rng.uniform(-0.8, 0.8, 3) * (0.25 if in_hand else 1.0)
         rows.append(f"{frame},{frame}," + ",".join(f"{x:.6f}" for x in q))
-        for name, point in seen(q).items():
+        for name, point in seen(q + np.array([0.0, lift_offset, 0.0]), in_hand).items():
             pixel = FOCAL_PX * (1.0 + focal_error) * point[:2] / point[2] + CENTER_PX + center_px
             u, v = pixel + rng.normal(0.0, 0.2, 2)
+            if not (0.0 < u < 1279.0 and 0.0 < v < 959.0):
+                continue
             sights.append(f"{frame},{name},0,{u:.4f},{v:.4f},direct")
     (folder / "frames.csv").write_text("\n".join(rows) + "\n")
     (folder / "detections.csv").write_text("\n".join(sights) + "\n")
     return folder
 
 
-def test_nothing_is_wrong(tmp_path: Path) -> None:
-    found = mp.diagnose(mp.load_session(written(tmp_path / "session")))
+@pytest.mark.parametrize("in_hand", [False, True])
+def test_nothing_is_wrong(in_hand: bool, tmp_path: Path) -> None:
+    found = mp.diagnose(mp.load_session(written(tmp_path / "session", in_hand=in_hand)))
     assert found.verdict == "none", found.sentence
+
+
+def test_a_zero_beyond_which_only_the_camera_moves_is_told(tmp_path: Path) -> None:
+    found = mp.diagnose(mp.load_session(written(tmp_path / "session", in_hand=True, lift_offset=0.01)))
+    assert found.verdict == "explained", found.sentence
+    (cause,) = found.causes
+    assert (cause.effect, cause.at) == ("joint_offset", "joint:lift"), cause
+    told = cause.parameters["offset_rad"]
+    assert abs(told.value - 0.01) < 4.0 * told.std
 
 
 @pytest.mark.parametrize(

@@ -46,7 +46,7 @@ pub(crate) struct Scene {
     pub has_camera: bool,
     pub has_board: bool,
     pub has_mirror: bool,
-    /// Largest distance between a relevant joint and the farthest relevant marker at the nominal zero posture, m.
+    /// Largest distance between a joint and a marker that it moves relative to the observer, at the nominal zero posture, m.
     pub reach_m: f64,
     pub glass_thickness_m: f64,
 }
@@ -130,7 +130,11 @@ impl Scene {
         let nominal = Deformation::nominal(1, nodes, markers.len());
         poses.update(&self.body, &vec![0.0; nodes], &nominal, 0);
         for n in (0..nodes).filter(|&n| self.relevant[n]) {
-            for marker in markers.iter().filter(|m| self.body.carries(n, m.node)) {
+            // A joint that carries the camera moves the markers that it does not carry, as the camera sees them.
+            let moves = |m: &&Site| {
+                observers.iter().any(|&observer| self.body.carries(n, m.node) != self.body.carries(n, observer))
+            };
+            for marker in markers.iter().filter(moves) {
                 self.reach_m = self.reach_m.max((poses.site(marker).t - poses.origin[n]).norm());
             }
             let next_joint =
