@@ -5,6 +5,14 @@ use nalgebra::{Isometry3, Point3, Translation3, Unit, UnitQuaternion, Vector3};
 use rand::Rng;
 use rand_chacha::ChaCha8Rng;
 
+/// Pieces of a beam, each with a hinge in its middle.
+const BEAM_PIECES: usize = 8;
+
+/// Where the middle of a piece is, as a share of the whole.
+fn middle_of(piece: usize, pieces: usize) -> f64 {
+    (piece as f64 + 0.5) / pieces as f64
+}
+
 impl World {
     fn below(&self, bone: usize, ancestor: usize) -> bool {
         let mut at = Some(bone);
@@ -25,7 +33,7 @@ impl World {
     }
 
     /// Poses of the bones' frames in the base at actual joint positions.
-    fn chain(&self, theta: &[f64], wrong: &[Wrong], bends: &[Vector3<f64>]) -> Vec<Isometry3<f64>> {
+    fn chain(&self, theta: &[f64], wrong: &[Wrong], bends: &[Vec<Vector3<f64>>]) -> Vec<Isometry3<f64>> {
         let mut out: Vec<Isometry3<f64>> = Vec::new();
         for (b, bone) in self.bones.iter().enumerate() {
             let (mut at, mut axis) = (bone.at, bone.axis);
@@ -44,9 +52,9 @@ impl World {
             let turn = UnitQuaternion::from_axis_angle(&Unit::new_normalize(axis), theta[b]);
             let mut pose = bone.parent.map_or_else(Isometry3::identity, |p| out[p])
                 * Isometry3::from_parts(Translation3::from(at), turn);
-            if bends[b] != Vector3::zeros() {
-                let middle = Translation3::from(self.tip(b) / 2.0);
-                pose = pose * middle * UnitQuaternion::from_scaled_axis(bends[b]) * middle.inverse();
+            for (piece, bend) in bends[b].iter().enumerate() {
+                let hinge = Translation3::from(self.tip(b) * middle_of(piece, bends[b].len()));
+                pose = pose * hinge * UnitQuaternion::from_scaled_axis(*bend) * hinge.inverse();
             }
             out.push(pose);
         }
@@ -62,6 +70,32 @@ impl World {
                 lever.cross(&(GRAVITY * self.bones[b].mass))
             })
             .sum()
+    }
+
+    /// The moment of gravity at a place of a bone, a share of the way to its tip, in its frame: of what it carries, and of its own mass,
+    /// spread evenly around its centre, as far as that lies beyond.
+    fn load_beyond(&self, bone: usize, poses: &[Isometry3<f64>], share: f64) -> Vector3<f64> {
+        let (own, tip) = (&self.bones[bone], self.tip(bone));
+        let place = tip * share;
+        let at = poses[bone] * Point3::from(place);
+        let whole = self.load_about(bone, poses, &at);
+        let down = poses[bone].rotation.inverse() * GRAVITY;
+        let part = |way: f64| (own.com * (2.0 * way) - place, down * (own.mass / BEAM_PIECES as f64));
+        let lumped = (own.com - place).cross(&(down * own.mass));
+        let beyond: Vector3<f64> = (0..BEAM_PIECES)
+            .map(|piece| part(middle_of(piece, BEAM_PIECES)))
+            .filter(|(lever, _)| lever.dot(&tip) > 0.0)
+            .map(|(lever, weight)| lever.cross(&weight))
+            .sum();
+        poses[bone].rotation.inverse() * whole - lumped + beyond
+    }
+
+    /// Moment of gravity of all bones about the base's origin.
+    pub(super) fn moment_about_base(&self, poses: &[Isometry3<f64>]) -> Vector3<f64> {
+        let of = |(bone, pose): (&super::Bone, &Isometry3<f64>)| {
+            (pose * Point3::from(bone.com)).coords.cross(&(GRAVITY * bone.mass))
+        };
+        self.bones.iter().zip(poses).map(of).sum()
     }
 
     fn joint_torque(&self, bone: usize, poses: &[Isometry3<f64>]) -> f64 {
@@ -90,7 +124,7 @@ impl World {
 
     /// Where the output of a joint with play lies from its commanded position, row by row.
     fn play(&self, commanded: &[Vec<f64>], joint: usize, width: f64, friction: f64) -> Vec<f64> {
-        let straight = vec![Vector3::zeros(); self.bones.len()];
+        let straight = vec![Vec::new(); self.bones.len()];
         let mut last = vec![0.0; self.bones.len()];
         let mut output = 0.0;
         commanded
@@ -165,7 +199,7 @@ impl World {
 
     /// Poses of the bones with all that gives way under load in balance with the load.
     pub(super) fn settled(&self, plan: &Plan, theta: &[f64]) -> Vec<Isometry3<f64>> {
-        let mut bends = vec![Vector3::zeros(); self.bones.len()];
+        let mut bends = vec![Vec::new(); self.bones.len()];
         let mut poses = self.chain(theta, &plan.wrong, &bends);
         for _ in 0..6 {
             let rigid = theta;
@@ -188,7 +222,15 @@ impl World {
                         let middle = poses[b] * Point3::from(self.tip(b) / 2.0);
                         let load = poses[b].rotation.inverse() * self.load_about(b, &poses, &middle);
                         let along = self.tip(b).normalize();
-                        bends[b] = (load - along * along.dot(&load)) * c;
+                        bends[b] = vec![(load - along * along.dot(&load)) * c];
+                    }
+                    Wrong::Beam(b, c) => {
+                        let along = self.tip(b).normalize();
+                        let bend = |piece| {
+                            let load = self.load_beyond(b, &poses, middle_of(piece, BEAM_PIECES));
+                            (load - along * along.dot(&load)) * (c / BEAM_PIECES as f64)
+                        };
+                        bends[b] = (0..BEAM_PIECES).map(bend).collect();
                     }
                     _ => {}
                 }

@@ -48,6 +48,8 @@ pub enum Wrong {
     /// A spring that stiffens: compliance when unloaded, share s and reference r, rad: `δ (1 + s (δ/r)²) = c τ`.
     Stiffening(usize, f64, f64, f64),
     Bending(usize, f64),
+    /// The same of a beam: compliance and own mass are spread all along it.
+    Beam(usize, f64),
     Length(Option<usize>, [f64; 3]),
     Tilt(usize, f64, f64),
     /// The first follows the second.

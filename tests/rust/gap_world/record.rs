@@ -74,6 +74,17 @@ impl World {
     }
     /// The same robot measured point by point in a fixed frame that nobody knows; no camera, no mirror.
     pub fn record_points(&self, plan: &Plan, noise_m: f64) -> Recording {
+        self.record_points_of_base(plan, noise_m, |_, _| Isometry3::identity())
+    }
+
+    /// The same of a base that moves: by the frame's number and by the moment of gravity of the whole robot about the base's
+    /// origin, N m.
+    pub fn record_points_of_base(
+        &self,
+        plan: &Plan,
+        noise_m: f64,
+        base: impl Fn(usize, Vector3<f64>) -> Isometry3<f64>,
+    ) -> Recording {
         let mut recording = self.record(plan);
         let mut rng = ChaCha8Rng::seed_from_u64(plan.seed ^ 0x9e37);
         let commanded: Vec<Vec<f64>> = {
@@ -85,6 +96,7 @@ impl World {
         for (f, frame) in recording.frames.iter_mut().enumerate() {
             frame.sightings.clear();
             let poses = self.settled(plan, &theta[f]);
+            let world_from_base = world_from_base * base(f, self.moment_about_base(&poses));
             for (marker, at) in self.marker_points(plan, &poses).into_iter().enumerate() {
                 let mut normal = || -> f64 { StandardNormal.sample(&mut rng) };
                 let noise = Vector3::new(normal(), normal(), normal()) * noise_m;

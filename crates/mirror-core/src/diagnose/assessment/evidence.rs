@@ -164,6 +164,23 @@ pub(crate) fn what_is_elsewhere(data: &Data, problem: &Problem) -> Option<(Strin
     Some((joint, told))
 }
 
+/// How many rows were left out that other positions of joints correct, in words; none where no row was.
+pub(crate) fn rows_elsewhere(data: &Data) -> Option<String> {
+    let rows: BTreeSet<i64> =
+        data.left_out.iter().filter(|l| l.joint_elsewhere().is_some()).map(|l| l.frame).collect();
+    let joints: BTreeSet<&str> =
+        data.left_out.iter().filter_map(|l| l.joint_elsewhere()).map(|(joint, _)| joint).collect();
+    (!rows.is_empty()).then(|| {
+        let joints: Vec<String> = joints.iter().map(|joint| format!("joint:{joint}")).collect();
+        format!(
+            "{} of {} rows were left out, to which another position of one joint would fit ({}): a typed digit, or a joint that did not get there",
+            rows.len(),
+            data.frames_given,
+            joints.join(", ")
+        )
+    })
+}
+
 /// How many observations are false, in words.
 pub(crate) fn what_is_false(data: &Data) -> String {
     if data.false_count() as f64 <= WORTH_NAMING * data.points_given as f64 {

@@ -1,18 +1,39 @@
 //! Bending of a link, proportional to gravity's moment about its two transverse axes: a rotation `c m_⟂` about the
 //! middle of the link. m is the moment there of all that the link carries and of its own mass.
+//!
+//! Real links bend all along their length. So the law is tried in a second form as well, that of a uniform beam: the same turn under
+//! what the link carries, another one under its own mass, and an end that sags farther than the turn about the middle tells
+//! ([`BeamLoad`](crate::diagnose::model::kinematics::BeamLoad)).
 
 use super::about::{About, PlaceKind, WrittenTo};
 use super::{Effect, LawFreedom, Place, joint_of, named};
 use crate::diagnose::model::body::NodeId;
-use crate::diagnose::model::elementary::{Atom, Column, Weight, transverse_moment};
+use crate::diagnose::model::elementary::{Atom, Column, transverse_load, transverse_moment};
 use crate::diagnose::model::scene::Scene;
 use crate::diagnose::model::solver::NEGLIGIBLE;
 
 /// See the module.
 pub(crate) struct LinkBending;
 
+/// The forms of the law: a hinge in the link's middle, a uniform beam.
+const HINGE: f64 = 0.0;
+const BEAM: f64 = 1.0;
+
 fn largest_moment(scene: &Scene, n: NodeId) -> f64 {
-    (0..scene.frames).map(|f| transverse_moment(scene, f, n).norm()).fold(0.0, f64::max)
+    let of_hinge = (0..scene.frames).map(|f| transverse_moment(scene, f, n).norm()).fold(0.0, f64::max);
+    if bends_as_a_beam(scene, n) { of_hinge.max(largest_of_beam(scene, n)) } else { of_hinge }
+}
+
+fn largest_of_beam(scene: &Scene, n: NodeId) -> f64 {
+    (0..scene.frames).map(|f| transverse_load(scene, f, n).moment.norm()).fold(0.0, f64::max)
+}
+
+/// Whether the second form is another one than the first: the link has a length, and its moment turns its end. Of a telescope the length
+/// varies, and it has an effect of its own.
+fn bends_as_a_beam(scene: &Scene, n: NodeId) -> bool {
+    let sags = |f: usize| transverse_load(scene, f, n).sag.norm() > NEGLIGIBLE;
+    let is_column = scene.body.nodes[n].column().is_some();
+    !is_column && largest_of_beam(scene, n) > NEGLIGIBLE && (0..scene.frames).any(sags)
 }
 
 impl Effect for LinkBending {
@@ -35,8 +56,20 @@ impl Effect for LinkBending {
         joint_of(place).map(|n| 0.03 / largest_moment(scene, n)).into_iter().collect()
     }
 
-    fn columns(&self, _scene: &Scene, place: Place, _variant: f64, _parameters: &[f64]) -> Vec<Column> {
-        joint_of(place).map(|n| Column { atom: Atom::Bend(n), weight: Weight::One }).into_iter().collect()
+    fn variants(&self, scene: &Scene, place: Place) -> Vec<f64> {
+        match joint_of(place) {
+            Some(n) if bends_as_a_beam(scene, n) => vec![HINGE, BEAM],
+            _ => vec![HINGE],
+        }
+    }
+
+    fn variants_near(&self, scene: &Scene, place: Place, _variant: f64) -> Vec<f64> {
+        self.variants(scene, place)
+    }
+
+    fn columns(&self, _scene: &Scene, place: Place, variant: f64, _parameters: &[f64]) -> Vec<Column> {
+        let atom = if variant == BEAM { Atom::Beam } else { Atom::Bend };
+        joint_of(place).map(|n| Column::constant(atom(n))).into_iter().collect()
     }
 
     fn is_positive(&self) -> bool {

@@ -15,6 +15,8 @@ pub(crate) struct Deformation {
     /// Rotation about the joint's origin before its motion, about the two directions of `tilt`, `[frame * nodes + node]`, rad. Empty
     /// where nothing rocks.
     rock: Vec<Vector2<f64>>,
+    /// Shift of the bent node in its own frame, `[frame * nodes + node]`, m. Empty where none is.
+    sag: Vec<Vector3<f64>>,
     /// `(tilt_1, tilt_2)` of each node's axis, rad.
     pub tilt: Vec<Vector2<f64>>,
     /// Shift of the origins of the joints that the node carries, in the node's frame, m. The last entry is the base's.
@@ -48,6 +50,9 @@ pub(crate) struct Deformation {
     focal_wander: Vec<f64>,
     /// Pose of the root in the unknown frame of `points.csv`: tangent on top of its start, rad and m.
     pub frame_pose: Vector6<f64>,
+    /// How the root moves in the frame of the measured points, by frame, on top of `frame_pose`; empty where it stands still. The same
+    /// tangent, in the frame in which points are measured.
+    frame_sway: Vec<Vector6<f64>>,
 }
 
 impl Deformation {
@@ -57,6 +62,7 @@ impl Deformation {
             joint_delta: vec![0.0; frames * nodes],
             bend: Vec::new(),
             rock: Vec::new(),
+            sag: Vec::new(),
             tilt: vec![Vector2::zeros(); nodes],
             link_shift: vec![Vector3::zeros(); nodes + 1],
             origin_shift: vec![Vector3::zeros(); nodes],
@@ -76,6 +82,7 @@ impl Deformation {
             board_slip: Vec::new(),
             focal_wander: Vec::new(),
             frame_pose: Vector6::zeros(),
+            frame_sway: Vec::new(),
         }
     }
 
@@ -113,6 +120,18 @@ impl Deformation {
         self.rock[frame * self.nodes + node][axis] += value;
     }
 
+    #[inline]
+    pub fn sag(&self, frame: usize, node: usize) -> Option<&Vector3<f64>> {
+        self.sag.get(frame * self.nodes + node)
+    }
+
+    pub fn add_sag(&mut self, frame: usize, node: usize, shift: Vector3<f64>) {
+        if self.sag.is_empty() {
+            self.sag = vec![Vector3::zeros(); self.joint_delta.len()];
+        }
+        self.sag[frame * self.nodes + node] += shift;
+    }
+
     /// Shift of a marker in a frame, m, in the frame of its mount's link.
     #[inline]
     pub fn marker_shift_in(&self, frame: usize, marker: usize) -> Vector3<f64> {
@@ -137,6 +156,7 @@ impl Deformation {
                 || self.joint_delta.iter().skip(n).step_by(self.nodes).any(|d| *d != 0.0)
                 || self.bend.iter().skip(n).step_by(self.nodes).any(|b| *b != Vector3::zeros())
                 || self.rock.iter().skip(n).step_by(self.nodes).any(|b| *b != Vector2::zeros())
+                || self.sag.iter().skip(n).step_by(self.nodes).any(|s| *s != Vector3::zeros())
         })
     }
 
@@ -148,6 +168,7 @@ impl Deformation {
             || self.joint_delta(frame, node) != 0.0
             || self.bend(frame, node).is_some_and(|b| *b != Vector3::zeros())
             || self.rock(frame, node).is_some_and(|b| *b != Vector2::zeros())
+            || self.sag(frame, node).is_some_and(|s| *s != Vector3::zeros())
     }
 
     /// Whether camera, lens, board or mirror differ from the nominal; then the board's corners must be predicted
@@ -203,6 +224,20 @@ impl Deformation {
             self.board_slip = vec![Vector6::zeros(); self.frames()];
         }
         self.board_slip[frame][k] += value;
+    }
+
+    /// The pose of the measured points' link in their frame, as a tangent: rad and m; none where it is the nominal one.
+    pub fn frame_pose_in(&self, frame: usize) -> Option<Vector6<f64>> {
+        let sway = self.frame_sway.get(frame).copied();
+        let pose = self.frame_pose + sway.unwrap_or_else(Vector6::zeros);
+        (sway.is_some() || pose != Vector6::zeros()).then_some(pose)
+    }
+
+    pub fn add_frame_sway(&mut self, frame: usize, k: usize, value: f64) {
+        if self.frame_sway.is_empty() {
+            self.frame_sway = vec![Vector6::zeros(); self.frames()];
+        }
+        self.frame_sway[frame][k] += value;
     }
 
     pub fn add_focal_wander(&mut self, frame: usize, value: f64) {

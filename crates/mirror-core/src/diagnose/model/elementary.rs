@@ -5,7 +5,7 @@
 
 use crate::diagnose::model::body::NodeId;
 use crate::diagnose::model::deformation::Deformation;
-use crate::diagnose::model::kinematics::{NodePoses, tilted_axis};
+use crate::diagnose::model::kinematics::{BeamLoad, NodePoses, tilted_axis};
 use crate::diagnose::model::pose::after_turn;
 use crate::diagnose::model::scene::Scene;
 use crate::diagnose::principles::Size;
@@ -20,6 +20,8 @@ pub(crate) enum Atom {
     Tilt(NodeId, usize),
     /// Rotation of the node about its middle by gravity's transverse moment there, per compliance.
     Bend(NodeId),
+    /// Turn and sag of the node's end as of a uniform beam's under its load, per compliance.
+    Beam(NodeId),
     /// Rotation of the node about its middle along x, y or z of its frame.
     Turn(NodeId, usize),
     /// Rotation of the node about its middle about one of the two directions across its joint's axis (those of `axis_tilt`).
@@ -27,6 +29,8 @@ pub(crate) enum Atom {
     /// Rotation about one of the same directions at the joint's origin, before its motion: a twist of what carries it, or
     /// compliance of the joint as a whole.
     Rock(NodeId, usize),
+    /// Shift along x, y or z of its frame of the node itself, after it has bent: of how far a bent link's end moves, beyond a turn about its middle.
+    Sag(NodeId, usize),
     /// Shift along x, y or z of the origins of the joints that the node (or the base: none) carries.
     LinkShift(Option<NodeId>, usize),
     /// Shift of a joint's own origin along an axis of the frame of what carries it: one of several joints that a link carries.
@@ -57,7 +61,7 @@ pub(crate) enum Atom {
     Curvature,
     /// A free-form error of lens, board or mirror.
     FreeOptics(usize),
-    /// Tangent of the pose of the root in the unknown frame of the measured points.
+    /// Tangent of the pose, in the frame of the measured points, of the link to which they belong (the root, of an unknown frame).
     FramePose(usize),
 }
 
@@ -82,9 +86,11 @@ impl Atom {
             Self::Joint(_)
             | Self::Tilt(..)
             | Self::Bend(_)
+            | Self::Beam(_)
             | Self::Turn(..)
             | Self::Across(..)
             | Self::Rock(..)
+            | Self::Sag(..)
             | Self::LinkShift(..)
             | Self::OriginShift(..)
             | Self::MarkerShift(..)
@@ -127,10 +133,19 @@ impl Twist {
 /// The long axis points from the node's origin to that of the joint which it carries (or, at the chain's end, of
 /// the marker), or, where that is the same place, to the next one.
 pub(crate) fn transverse_moment(scene: &Scene, frame: usize, node: NodeId) -> Vector3<f64> {
-    let moment = scene.moment(frame, node);
+    across(scene, node, scene.moment(frame, node))
+}
+
+/// The same of what bends the link as a beam.
+pub(crate) fn transverse_load(scene: &Scene, frame: usize, node: NodeId) -> BeamLoad {
+    let load = scene.beam(frame, node);
+    BeamLoad { moment: across(scene, node, &load.moment), sag: across(scene, node, &load.sag) }
+}
+
+fn across(scene: &Scene, node: NodeId, of: &Vector3<f64>) -> Vector3<f64> {
     match scene.body.nodes[node].long_axis {
-        Some(axis) => moment - axis * axis.dot(moment),
-        None => *moment,
+        Some(axis) => of - axis * axis.dot(of),
+        None => *of,
     }
 }
 
@@ -158,15 +173,22 @@ pub(crate) fn body_twist(
         }
         Atom::Bend(n) => {
             let omega = poses.world_from_node[n].r * transverse_moment(scene, frame, n);
-            Some(Twist::about(&middle(scene, poses, n), omega))
+            Some(Twist::about(&middle(scene, poses, (deformation, frame), n), omega))
+        }
+        Atom::Beam(n) => {
+            let load = transverse_load(scene, frame, n);
+            let turn = &poses.world_from_node[n].r;
+            let about_middle =
+                Twist::about(&middle(scene, poses, (deformation, frame), n), turn * load.moment);
+            Some(about_middle.plus(&Twist::along(turn * load.sag)))
         }
         Atom::Turn(n, k) => {
             let omega = poses.world_from_node[n].r.column(k).into_owned();
-            Some(Twist::about(&middle(scene, poses, n), omega))
+            Some(Twist::about(&middle(scene, poses, (deformation, frame), n), omega))
         }
         Atom::Across(n, k) => {
             let omega = poses.world_from_node[n].r * scene.body.nodes[n].tilt_directions[k];
-            Some(Twist::about(&middle(scene, poses, n), omega))
+            Some(Twist::about(&middle(scene, poses, (deformation, frame), n), omega))
         }
         Atom::Rock(n, k) => {
             let directions = &scene.body.nodes[n].tilt_directions;
@@ -175,6 +197,7 @@ pub(crate) fn body_twist(
             let omega = poses.world_from_joint[n] * after_turn(&turned, &directions[k]);
             Some(Twist::about(&poses.origin[n], omega))
         }
+        Atom::Sag(n, k) => Some(Twist::along(poses.world_from_node[n].r.column(k).into_owned())),
         Atom::LinkShift(n, k) => {
             let axis = Vector3::ith_axis(k).into_inner();
             Some(Twist::along(n.map_or(axis, |n| poses.world_from_node[n].r * axis)))
@@ -189,8 +212,14 @@ pub(crate) fn body_twist(
 }
 
 /// Where a node bends, in the world, m.
-fn middle(scene: &Scene, poses: &NodePoses, n: NodeId) -> Vector3<f64> {
-    poses.world_from_node[n].point(&scene.body.nodes[n].pivot(&poses.theta))
+fn middle(
+    scene: &Scene,
+    poses: &NodePoses,
+    (deformation, frame): (&Deformation, usize),
+    n: NodeId,
+) -> Vector3<f64> {
+    let sag = deformation.sag(frame, n).copied().unwrap_or_else(Vector3::zeros);
+    poses.world_from_node[n].point(&(scene.body.nodes[n].pivot(&poses.theta) - sag))
 }
 
 /// Whether an atom of the body moves one site against another, each by the node that it rides on; of a joint also by
@@ -216,9 +245,11 @@ pub(crate) fn moves(atom: Atom, scene: &Scene, node: Option<NodeId>) -> bool {
         Atom::Joint(n)
         | Atom::Tilt(n, _)
         | Atom::Bend(n)
+        | Atom::Beam(n)
         | Atom::Turn(n, _)
         | Atom::Across(n, _)
         | Atom::Rock(n, _)
+        | Atom::Sag(n, _)
         | Atom::OriginShift(n, _) => scene.body.carries(n, node),
         Atom::LinkShift(Some(n), _) => scene.body.carries_beyond(n, node),
         Atom::LinkShift(None, _) => node.is_some(),
@@ -302,6 +333,14 @@ impl Column {
                     );
                 }
             }
+            Atom::Beam(n) => {
+                for f in 0..scene.frames {
+                    let load = transverse_load(scene, f, n);
+                    let by = value * self.weight.at(scene, f);
+                    deformation.add_bend(f, n, load.moment * by);
+                    deformation.add_sag(f, n, load.sag * by);
+                }
+            }
             Atom::Turn(n, k) => {
                 for f in 0..scene.frames {
                     let omega = Vector3::ith(k, value * self.weight.at(scene, f));
@@ -317,6 +356,11 @@ impl Column {
             Atom::Rock(n, k) => {
                 for f in 0..scene.frames {
                     deformation.add_rock(f, n, k, value * self.weight.at(scene, f));
+                }
+            }
+            Atom::Sag(n, k) => {
+                for f in 0..scene.frames {
+                    deformation.add_sag(f, n, Vector3::ith(k, value * self.weight.at(scene, f)));
                 }
             }
             Atom::Tilt(n, k) => deformation.tilt[n][k] += value,
@@ -362,7 +406,14 @@ impl Column {
             Atom::Glass => deformation.glass_thickness_m += value,
             Atom::Curvature => deformation.curvature_per_m += value,
             Atom::FreeOptics(k) => deformation.free_optics[k] += value,
-            Atom::FramePose(k) => deformation.frame_pose[k] += value,
+            Atom::FramePose(k) => match &self.weight {
+                Weight::One => deformation.frame_pose[k] += value,
+                weight => {
+                    for f in 0..scene.frames {
+                        deformation.add_frame_sway(f, k, value * weight.at(scene, f));
+                    }
+                }
+            },
         }
     }
 }

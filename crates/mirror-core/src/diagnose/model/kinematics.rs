@@ -44,7 +44,7 @@ impl NodePoses {
         }
     }
 
-    /// Poses all nodes of one frame: parent · shift · fixed · rock · motion about the real axis · bend.
+    /// Poses all nodes of one frame: parent · shift · fixed · rock · motion about the real axis · bend · sag.
     pub fn update(&mut self, body: &Body, commanded: &[f64], deformation: &Deformation, frame: usize) {
         self.update_of(body, |_| true, commanded, deformation, frame);
     }
@@ -93,6 +93,9 @@ impl NodePoses {
                 world_from_node.r *= exp(omega);
                 world_from_node.t = middle - world_from_node.r * pivot;
             }
+            if let Some(sag) = deformation.sag(frame, n) {
+                world_from_node.t += world_from_node.r * sag;
+            }
             self.origin[n] = world_from_joint.t;
             self.axis[n] = world_from_joint.r * axis;
             self.world_from_joint[n] = world_from_joint.r;
@@ -110,20 +113,42 @@ impl NodePoses {
     }
 }
 
-/// Gravity's torque on each joint's position and its moment about the middle of each node's link (in the node's
-/// frame), N m.
+/// Gravity's loads on the nodes in one frame.
+pub(crate) struct Loads<'a> {
+    /// Torque on the joint's position, N m.
+    pub torque: &'a mut [f64],
+    /// Moment about the middle of the node's link, in the node's frame, N m.
+    pub moment: &'a mut [Vector3<f64>],
+    /// What bends the link as a beam.
+    pub beam: &'a mut [BeamLoad],
+}
+
+/// What bends a link as a uniform beam of length L, clamped at its joint, in the node's frame. With the compliance c of the whole link
+/// its end turns by `c · moment`, and lies `c · sag` beyond where a turn about its middle takes it.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub(crate) struct BeamLoad {
+    /// Of what it carries, the moment about the middle, `m₁`; of its own mass m at a distance a from the joint, spread around there, a third
+    /// of the moment about the joint: `m₁ + a × m g / 3`, N m.
+    pub moment: Vector3<f64>,
+    /// `(M / 12 + m / 24) L² g` for the mass M that it carries, N m².
+    pub sag: Vector3<f64>,
+}
+
+/// Tabulates gravity's loads in one frame: torque on each joint's position, moment about the middle of each link.
 ///
 /// `τ = a · Σ (c − o) × m g` over everything that moves when the joint turns while the root link stands still: what
 /// the node carries, or, if the node carries the root, all the rest with the opposite sign. A joint that others follow
 /// (mimic) also bears theirs, times their factors: the generalised force on the position that moves them all.
+///
+/// Returns the moment of the whole robot about the root's origin, in its frame, N m: what a base yields to on its bolts.
 pub(crate) fn loads(
     body: &Body,
     poses: &NodePoses,
     gravity_in_root: &Vector3<f64>,
-    torque: &mut [f64],
-    moment: &mut [Vector3<f64>],
-) {
-    let gravity = poses.site(&body.root).r * gravity_in_root;
+    Loads { torque, moment, beam }: Loads<'_>,
+) -> Vector3<f64> {
+    let root = poses.site(&body.root);
+    let gravity = root.r * gravity_in_root;
     let nodes = body.nodes.len();
     // Mass and mass times centre of each node's subtree, in the world; leaves first.
     let mut mass: Vec<f64> = body.nodes.iter().map(|n| n.mass).collect();
@@ -161,10 +186,22 @@ pub(crate) fn loads(
         } else {
             sign * poses.axis[n].dot(&about_origin)
         };
-        let middle = poses.world_from_node[n].point(&body.nodes[n].pivot(&poses.theta));
-        moment[n] = poses.world_from_node[n].r.tr_mul(&((f - middle * m).cross(&gravity) * sign));
+        let pose = &poses.world_from_node[n];
+        let to_middle = body.nodes[n].pivot(&poses.theta);
+        moment[n] = pose.r.tr_mul(&((f - pose.point(&to_middle) * m).cross(&gravity) * sign));
+        // Of a node that carries the root the own mass is not among what bends it.
+        let own = &body.nodes[n];
+        let (own_mass, own_first) =
+            if holds_root { (0.0, Vector3::zeros()) } else { (own.mass, own.mass_moment) };
+        let down = pose.r.tr_mul(&gravity);
+        let lumped = (own_first - to_middle * own_mass).cross(&down);
+        beam[n] = BeamLoad {
+            moment: moment[n] - lumped + own_first.cross(&down) / 3.0,
+            sag: down * (sign * (m - own_mass) / 12.0 + own_mass / 24.0) * (4.0 * to_middle.norm_squared()),
+        };
     }
     for (n, node) in body.nodes.iter().enumerate() {
         torque[n] += node.followers.iter().map(|(follower, factor)| factor * torque[*follower]).sum::<f64>();
     }
+    root.r.tr_mul(&(total_first - root.t * total_mass).cross(&gravity))
 }

@@ -317,9 +317,11 @@ impl Problem {
             Atom::Joint(n)
             | Atom::Tilt(n, _)
             | Atom::Bend(n)
+            | Atom::Beam(n)
             | Atom::Turn(n, _)
             | Atom::Across(n, _)
             | Atom::Rock(n, _)
+            | Atom::Sag(n, _)
             | Atom::OriginShift(n, _)
             | Atom::LinkShift(Some(n), _) => n < self.scene.nodes(),
             Atom::MarkerShift(m, _) => m < self.marker_sites.len(),

@@ -4,7 +4,7 @@
 use crate::diagnose::data::recording::Recording;
 use crate::diagnose::model::body::{Body, NodeId, Site};
 use crate::diagnose::model::deformation::Deformation;
-use crate::diagnose::model::kinematics::{NodePoses, loads};
+use crate::diagnose::model::kinematics::{BeamLoad, Loads, NodePoses, loads};
 use crate::diagnose::model::solver::NEGLIGIBLE;
 use crate::diagnose::principles::Guard;
 use crate::error::Result;
@@ -28,6 +28,9 @@ pub(crate) struct Scene {
     pub torque: Vec<f64>,
     /// Moment of gravity of all that the node carries, about the middle of its link, in its frame, N m.
     pub moment: Vec<Vector3<f64>>,
+    pub beam: Vec<BeamLoad>,
+    /// Moment of gravity of the whole robot about the root's origin, in its frame, N m, in each frame.
+    pub base_moment: Vec<Vector3<f64>>,
     pub time_s: Vec<f64>,
     pub gravity: Vector3<f64>,
     pub marker_names: Vec<String>,
@@ -96,6 +99,8 @@ impl Scene {
             ordered: recording.ordered,
             torque: vec![0.0; frames * nodes],
             moment: vec![Vector3::zeros(); frames * nodes],
+            beam: vec![BeamLoad::default(); frames * nodes],
+            base_moment: vec![Vector3::zeros(); frames],
             time_s: recording.frames.iter().map(|f| f.time_s).collect(),
             gravity: recording.gravity,
             marker_names: recording.markers.iter().map(|m| m.name.clone()).collect(),
@@ -132,7 +137,9 @@ impl Scene {
         for n in (0..nodes).filter(|&n| self.relevant[n]) {
             // A joint that carries the camera moves the markers that it does not carry, as the camera sees them.
             let moves = |m: &&Site| {
-                observers.iter().any(|&observer| self.body.carries(n, m.node) != self.body.carries(n, observer))
+                observers
+                    .iter()
+                    .any(|&observer| self.body.carries(n, m.node) != self.body.carries(n, observer))
             };
             for marker in markers.iter().filter(moves) {
                 self.reach_m = self.reach_m.max((poses.site(marker).t - poses.origin[n]).norm());
@@ -167,7 +174,12 @@ impl Scene {
         for frame in 0..self.frames {
             poses.update(&self.body, &self.commanded[frame * nodes..(frame + 1) * nodes], deformation, frame);
             let at = frame * nodes..(frame + 1) * nodes;
-            loads(&self.body, &poses, &self.gravity, &mut self.torque[at.clone()], &mut self.moment[at]);
+            let of_nodes = Loads {
+                torque: &mut self.torque[at.clone()],
+                moment: &mut self.moment[at.clone()],
+                beam: &mut self.beam[at],
+            };
+            self.base_moment[frame] = loads(&self.body, &poses, &self.gravity, of_nodes);
         }
     }
 
@@ -228,6 +240,11 @@ impl Scene {
     #[inline]
     pub fn moment(&self, frame: usize, node: NodeId) -> &Vector3<f64> {
         &self.moment[frame * self.body.nodes.len() + node]
+    }
+
+    #[inline]
+    pub fn beam(&self, frame: usize, node: NodeId) -> &BeamLoad {
+        &self.beam[frame * self.body.nodes.len() + node]
     }
 
     /// How far the column that ends with a node was commanded out, frame by frame, m; none where there is no column.

@@ -7,17 +7,18 @@
 //! | joint | of its axis | constant |
 //! | link | turn in the moment of gravity; shift | load; constant |
 //! | marker | shift | constant, direction of gravity, time |
+//! | base | pose in the frame of the measured points | time; load (turn only) |
 //! | camera | mount; smooth warp of the image; mount and focal length | constant; constant; time, a joint's position |
 //! | board | scale and shape | constant |
 //! | mirror | glass, curvature, astigmatism | constant |
 
-use crate::diagnose::effects::{Effect, LawFreedom, Place};
+use crate::diagnose::effects::{Effect, Place};
 use crate::diagnose::model::body::NodeId;
 use crate::diagnose::model::elementary::{Atom, Column, Weight};
 use crate::diagnose::model::free_values::{ASTIGMATISM, BOARD_SHAPE, WARP};
 use crate::diagnose::model::scene::Scene;
+use crate::diagnose::model::solver::NEGLIGIBLE;
 use crate::diagnose::principles::{Prior, Size};
-use crate::diagnose::random_effects::column_law::column_law;
 use nalgebra::Vector3;
 
 /// Smooth functions a dependence has: knots of a piecewise linear function.
@@ -39,7 +40,7 @@ const TYPICAL_SHARE: Prior = 0.02;
 
 /// On what an error depends.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum On {
+pub(super) enum On {
     Nothing,
     Position,
     Load,
@@ -73,11 +74,12 @@ impl On {
 
 /// What is wrong.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum What {
+pub(super) enum What {
     Joint,
     Axis,
     LinkTurn,
     LinkShift,
+    Base,
     Marker,
     CameraMount,
     Image,
@@ -87,7 +89,7 @@ enum What {
 }
 
 /// A smooth error of one kind.
-struct FreeForm {
+pub(super) struct FreeForm {
     what: What,
     on: On,
     words: String,
@@ -104,6 +106,21 @@ fn hats(values: &[f64], knots: usize) -> Vec<Vec<f64>> {
             values.iter().map(|v| (1.0 - (v - knot).abs() / step).max(0.0)).collect()
         })
         .collect()
+}
+
+/// A line and a parabola from 0 at the first row: how a base sinks or a frame creeps.
+fn from_start(time_s: &[f64]) -> Vec<Vec<f64>> {
+    let Some((first, last)) = time_s.first().zip(time_s.last()) else { return Vec::new() };
+    let share = |t: &f64| (t - first) / (last - first).max(1e-12);
+    vec![time_s.iter().map(share).collect(), time_s.iter().map(|t| share(t).powi(2)).collect()]
+}
+
+/// Components of a moment over the largest, without those that are the same in all frames.
+fn yielding(moments: &[Vector3<f64>]) -> Vec<Vec<f64>> {
+    let largest = moments.iter().map(Vector3::norm).fold(1e-12, f64::max);
+    let component = |k: usize| moments.iter().map(|m| m[k] / largest).collect::<Vec<f64>>();
+    let varies = |of: &Vec<f64>| of.iter().any(|w| (w - of[0]).abs() > NEGLIGIBLE);
+    (0..3).map(component).filter(varies).collect()
 }
 
 /// The stop operator of a path that starts at `from`: its distance from the centre of a dead zone of half width
@@ -127,7 +144,7 @@ fn share_a_limb(scene: &Scene, j: NodeId, k: NodeId) -> bool {
 }
 
 impl FreeForm {
-    fn new(what: What, on: On, scene: &Scene) -> Self {
+    pub(super) fn new(what: What, on: On, scene: &Scene) -> Self {
         Self { what, on, words: on.words(scene) }
     }
 
@@ -152,6 +169,7 @@ impl FreeForm {
                 table(own.iter().flat_map(|a| other.iter().map(move |b| product(a, b))).collect())
             }
             (On::Time, Place::Joint(_)) => table(hats(&scene.time_s, KNOTS)),
+            (On::Time, Place::Link(None)) => table(from_start(&scene.time_s)),
             (On::Time, Place::Camera) => table(hats(&scene.time_s, CAMERA_TIME_KNOTS)),
             (On::Time, _) => table(hats(&scene.time_s, FEW_KNOTS)),
             (On::Position, Place::Joint(n)) => table(hats(&of(&|f| scene.q(f, n)), KNOTS)),
@@ -176,6 +194,7 @@ impl FreeForm {
                 let largest = (0..scene.frames).map(|f| scene.moment(f, n).norm()).fold(1e-12, f64::max);
                 table((0..3).map(|k| of(&|f| scene.moment(f, n)[k] / largest)).collect())
             }
+            (On::Load, Place::Link(None)) => table(yielding(&scene.base_moment)),
             (On::Posture, Place::Marker(m)) => {
                 table((0..3).map(|k| of(&|f| scene.down_in_mount(f, m)[k])).collect())
             }
@@ -187,6 +206,9 @@ impl FreeForm {
     fn atoms(&self, scene: &Scene, place: Place) -> Vec<(Atom, f64)> {
         let optics =
             |range: core::ops::Range<usize>, size: f64| range.map(move |k| (Atom::FreeOptics(k), size));
+        let pose = |atom: fn(usize) -> Atom| -> Vec<(Atom, f64)> {
+            (0..6).map(|k| (atom(k), if k < 3 { TYPICAL_SHARE } else { TYPICAL_M })).collect()
+        };
         let path_m = scene.reach_m.max(0.1);
         match (self.what, place) {
             (What::Joint, Place::Joint(n)) => {
@@ -198,12 +220,14 @@ impl FreeForm {
                 (0..3).map(|k| (Atom::Turn(n, k), TYPICAL_RAD)).collect()
             }
             (What::LinkShift, Place::Link(n)) => (0..3).map(|k| (Atom::LinkShift(n, k), TYPICAL_M)).collect(),
+            (What::Base, _) if self.on == On::Load => {
+                (0..3).map(|k| (Atom::FramePose(k), TYPICAL_RAD)).collect()
+            }
+            (What::Base, _) => pose(Atom::FramePose),
             (What::Marker, Place::Marker(m)) => {
                 (0..3).map(|k| (Atom::MarkerShift(m, k), TYPICAL_M)).collect()
             }
-            (What::CameraMount, _) if self.on == On::Nothing => (0..6)
-                .map(|k| (Atom::CameraMount(k), if k < 3 { TYPICAL_SHARE } else { TYPICAL_M }))
-                .collect(),
+            (What::CameraMount, _) if self.on == On::Nothing => pose(Atom::CameraMount),
             (What::CameraMount, _) => (0..3).map(|k| (Atom::CameraMount(k), TYPICAL_SHARE)).collect(),
             (What::Image, _) => {
                 (0..2).map(|k| (Atom::Center(k), 8.0)).chain(optics(WARP, TYPICAL_SHARE)).collect()
@@ -251,6 +275,10 @@ impl Effect for FreeForm {
                 .map(|n| Place::Link(Some(n)))
                 .collect(),
             What::LinkShift => joints.map(|n| Place::Link(Some(n))).collect(),
+            // A camera of the robot's own moves with its base, and measured points alone show that.
+            What::Base if scene.has_camera => Vec::new(),
+            What::Base if on == On::Load && yielding(&scene.base_moment).is_empty() => Vec::new(),
+            What::Base => vec![Place::Link(None)],
             What::Marker => {
                 let known = |m: &usize| on != On::Nothing || scene.mount_known[*m];
                 (0..scene.marker_names.len()).filter(known).map(Place::Marker).collect()
@@ -308,46 +336,6 @@ impl Effect for FreeForm {
     }
 }
 
-/// The columns in which a law may differ from the textbook's, at a cause's place.
-pub(crate) fn law_columns(scene: &Scene, place: Place, freedom: LawFreedom) -> Vec<Column> {
-    let kinds: &[(What, On)] = match freedom {
-        LawFreedom::Exact | LawFreedom::Extension => &[],
-        LawFreedom::Load => &[(What::Joint, On::Load)],
-        LawFreedom::LoadAndDirection => &[(What::Joint, On::Load), (What::Joint, On::Direction)],
-        LawFreedom::Moment => &[(What::LinkTurn, On::Load)],
-        LawFreedom::Time => &[(What::Joint, On::Time)],
-    };
-    let mut columns: Vec<Column> = kinds
-        .iter()
-        .flat_map(|&(what, on)| FreeForm::new(what, on, scene).columns(scene, place, 0.0, &[]))
-        .collect();
-    if let (LawFreedom::Moment, Place::Link(Some(n))) = (freedom, place) {
-        columns.extend(beyond_linear(scene, n));
-    }
-    if let (LawFreedom::Extension, Place::Link(Some(n))) = (freedom, place) {
-        columns.extend(column_law(scene, n));
-    }
-    columns
-}
-
-/// Deviations of a bending link from the linear law: about each axis the moment's cube (springs stiffen), and the
-/// product of the moments about the other two (two successive turns produce a third).
-fn beyond_linear(scene: &Scene, n: NodeId) -> Vec<Column> {
-    let largest = (0..scene.frames).map(|f| scene.moment(f, n).norm()).fold(1e-12, f64::max);
-    let weight = |of: &dyn Fn(&Vector3<f64>) -> f64| {
-        Weight::Frames((0..scene.frames).map(|f| of(&(scene.moment(f, n) / largest))).collect())
-    };
-    (0..3)
-        .flat_map(|k| {
-            let atom = Atom::Turn(n, k);
-            [
-                Column { atom, weight: weight(&|m| m[k] * m.norm_squared()) },
-                Column { atom, weight: weight(&|m| m[(k + 1) % 3] * m[(k + 2) % 3]) },
-            ]
-        })
-        .collect()
-}
-
 /// All free-form errors of a scene.
 pub(crate) fn free_forms(scene: &Scene) -> Vec<Box<dyn Effect>> {
     use On::{Both, Direction, History, Joint, Load, Nothing, Position, Posture, Time};
@@ -364,6 +352,8 @@ pub(crate) fn free_forms(scene: &Scene) -> Vec<Box<dyn Effect>> {
         (What::Marker, Nothing),
         (What::Marker, Posture),
         (What::Marker, Time),
+        (What::Base, Time),
+        (What::Base, Load),
         (What::CameraMount, Nothing),
         (What::CameraMount, Time),
         (What::Image, Nothing),

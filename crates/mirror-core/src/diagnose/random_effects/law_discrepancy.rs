@@ -11,13 +11,8 @@ use crate::diagnose::effects::hypothesis::{Catalogue, Model, Term};
 use crate::diagnose::likelihood::fit::Group;
 use crate::diagnose::model::elementary::Column;
 use crate::diagnose::model::problem::Problem;
-use crate::diagnose::principles::Prior;
-use crate::diagnose::random_effects::free_form::law_columns;
+use crate::diagnose::random_effects::law_columns::{LAW_SHARE, law_columns};
 use core::ops::Range;
-
-/// Scale of a law's discrepancy, as a share of the largest error that its cause makes (one standard deviation at a
-/// knot).
-pub(crate) const LAW_SHARE: Prior = 0.07;
 
 /// A group with the discrepancy terms of a model's causes behind its own columns, but that of the cause that is `in_question`.
 pub(crate) fn with_slack(

@@ -15,7 +15,7 @@ use crate::diagnose::report::gap_steps::{Part, gap_steps};
 use crate::diagnose::report::joint_signatures::signatures;
 use crate::diagnose::report::named_causes::named_causes;
 use crate::diagnose::report::places::places;
-use crate::diagnose::report::reservations::{beside_remainder, where_cut_off};
+use crate::diagnose::report::reservations::{as_before, beside_remainder, where_cut_off, worse_than_before};
 use crate::diagnose::report::sentence::sentence;
 use crate::diagnose::report::warnings::warnings;
 use crate::diagnose::selection::standing::Standing;
@@ -49,6 +49,9 @@ pub(crate) fn diagnosis(
     where_cut_off(&mut causes, &parts, findings);
     let mut gap = gap_over(&findings.before, &findings.after, &floor, &deviations.law_shifts, checked);
     gap.steps = gap_steps(findings, &causes, &parts)?;
+    if causes.is_empty() && worse_than_before(&gap) {
+        as_before(&mut gap);
+    }
     let places = places(findings, &causes);
     // The verdict: by whether causes are named and whether something is unexplained. `reservations::reserve` changes it where the data do
     // not support it (`insufficient`, too many false observations, a gap far above its floor).

@@ -58,7 +58,7 @@ impl Part {
         Some(match atom {
             Atom::MarkerShift(m, _) => Self::Marker(m),
             Atom::LinkShift(n, _) => Self::LinkShift(n),
-            Atom::Bend(n) | Atom::Turn(n, _) | Atom::Across(n, _) => Self::LinkTurn(n),
+            Atom::Bend(n) | Atom::Beam(n) | Atom::Turn(n, _) | Atom::Across(n, _) => Self::LinkTurn(n),
             Atom::Rock(n, _) => Self::JointRock(n),
             Atom::Tilt(n, _) => Self::Tilt(n),
             Atom::CameraMount(k) if k < 3 => Self::CameraTurn,

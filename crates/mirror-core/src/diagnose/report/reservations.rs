@@ -194,7 +194,7 @@ fn names_joint(diagnosis: &Diagnosis, joint: &str) -> bool {
 }
 
 /// Whether the causes predict regions that were held out clearly worse than the nominal model does.
-fn worse_than_before(gap: &Gap) -> bool {
+pub(crate) fn worse_than_before(gap: &Gap) -> bool {
     let worse = |before: Option<f64>, after: Option<f64>| matches!((before, after), (Some(before), Some(after)) if before < LEAST_HELD_OUT_RATIO * after);
     match gap.before_m {
         Some(_) => worse(gap.before_m, gap.after_m),
@@ -212,7 +212,11 @@ fn name_nothing_more(diagnosis: &mut Diagnosis) {
     diagnosis.verdict = Verdict::Unknown;
     diagnosis.causes.clear();
     diagnosis.signatures.clear();
-    let gap = &mut diagnosis.gap;
+    as_before(&mut diagnosis.gap);
+}
+
+/// The gap of the nominal model, where nothing is named.
+pub(crate) fn as_before(gap: &mut Gap) {
     gap.steps.truncate(1);
     (gap.after_m, gap.after_px, gap.closed_ci95) = (gap.before_m, gap.before_px, None);
     gap.closed = gap.closed.map(|_| 0.0);
@@ -243,6 +247,9 @@ pub(crate) fn reserve(diagnosis: &mut Diagnosis, findings: &Findings<'_>) {
             }
             _ => diagnosis.warnings.push(told),
         }
+    }
+    if let (Verdict::None, Some(told)) = (diagnosis.verdict, evidence::rows_elsewhere(&diagnosis.data)) {
+        diagnosis.sentence += &format!(" But {told}.");
     }
     // With too few postures no test may be significant, and tests of most postures do not see what a few leave; a gap far
     // above its own floor is still no agreement.

@@ -4,7 +4,7 @@ use crate::diagnose::criteria::cross_validation::{PostureGap, seen_size};
 use crate::diagnose::criteria::marker_shift::marker_shift;
 use crate::diagnose::effects::hypothesis::Catalogue;
 use crate::diagnose::principles::{Count, SEVERAL_CAUSES};
-use crate::diagnose::random_effects::law_discrepancy::LAW_SHARE;
+use crate::diagnose::random_effects::law_columns::LAW_SHARE;
 use crate::diagnose::selection::nonparametric::elsewhere;
 use crate::diagnose::selection::search::{Found, Search};
 use crate::error::Result;

@@ -13,7 +13,7 @@ use crate::diagnose::principles::{
     SEVERAL_CAUSES, Threshold,
 };
 use crate::diagnose::random_effects::geometric_tolerances::Geometry;
-use crate::diagnose::random_effects::law_discrepancy::LAW_SHARE;
+use crate::diagnose::random_effects::law_columns::LAW_SHARE;
 use crate::diagnose::random_effects::outlier_tolerances::{name_outlying, put_back};
 use crate::diagnose::random_effects::small_errors::Kind;
 use crate::diagnose::selection::large_members::choose_members;

@@ -61,6 +61,7 @@ fn somewhere(problem: &Problem) -> Deformation {
             d.add_bend(f, n, Vector3::new(0.002, -0.003, 0.001));
             d.add_rock(f, n, 0, -0.03);
             d.add_rock(f, n, 1, 0.02);
+            d.add_sag(f, n, Vector3::new(0.001, 0.002, -0.001));
         }
     }
     d.marker_shift[1] = Vector3::new(0.002, 0.001, -0.001);
@@ -96,7 +97,8 @@ fn atoms(problem: &Problem) -> Vec<Atom> {
     out.extend([Atom::Focal, Atom::Center(0), Atom::Center(1), Atom::Dk1, Atom::BoardScale]);
     out.extend([Atom::Glass, Atom::Curvature]);
     out.extend((0..2).flat_map(|k| (0..3).map(move |by| Atom::MarkerImage(k, by))));
-    out.extend((0..nodes).flat_map(|n| (0..3).map(move |k| Atom::Turn(n, k))));
+    out.extend((0..nodes).flat_map(|n| (0..3).flat_map(move |k| [Atom::Turn(n, k), Atom::Sag(n, k)])));
+    out.extend((0..nodes).map(Atom::Beam));
     out.extend((0..nodes).flat_map(|n| (0..2).flat_map(move |k| [Atom::Across(n, k), Atom::Rock(n, k)])));
     out.extend((0..ASTIGMATISM.end).map(Atom::FreeOptics));
     out
@@ -183,7 +185,7 @@ fn every_atoms_column_is_the_derivative_of_the_exact_model() {
             }
             checked += 1;
             // A bend on top of a bend (3 mrad here) turns about axes that the first one turned: first order in it.
-            let bends = matches!(atom, Atom::Bend(_) | Atom::Turn(..) | Atom::Across(..));
+            let bends = matches!(atom, Atom::Bend(_) | Atom::Beam(_) | Atom::Turn(..) | Atom::Across(..));
             let tolerance = if bends { 1e-2 } else { 1e-3 };
             let miss = (&difference - &claimed).norm() / scale;
             assert!(miss < tolerance, "{by:?} in frame {frame}: {miss:e} of {scale:e}");
@@ -281,6 +283,7 @@ fn flat(problem: &Problem, d: &Deformation) -> DVector<f64> {
             out.push(d.joint_delta(f, n));
             out.extend(d.bend(f, n).copied().unwrap_or_else(Vector3::zeros).iter());
             out.extend(d.rock(f, n).copied().unwrap_or_else(Vector2::zeros).iter());
+            out.extend(d.sag(f, n).copied().unwrap_or_else(Vector3::zeros).iter());
         }
         for m in 0..problem.marker_sites.len() {
             out.extend(d.marker_shift_in(f, m).iter());
@@ -293,6 +296,41 @@ fn flat(problem: &Problem, d: &Deformation) -> DVector<f64> {
     out.extend(d.marker_image.iter());
     out.extend([d.glass_thickness_m, d.curvature_per_m]);
     DVector::from_vec(out)
+}
+
+/// The pose in the frame of measured points, of a base that stands still or moves, in a frame that is known or not.
+#[test]
+fn a_base_that_moves_has_the_columns_of_its_motion() {
+    for known in [false, true] {
+        let mut problem = column_world::problem();
+        if known {
+            problem.unknown_frame = None;
+        }
+        let mut deformation = problem.nominal();
+        if !known {
+            deformation.frame_pose = nalgebra::Vector6::new(0.2, -0.1, 0.3, 0.1, 0.2, -0.1);
+        }
+        for moving in [false, true] {
+            if moving {
+                (0..6).for_each(|k| deformation.add_frame_sway(3, k, 0.01 * (k as f64 - 2.0)));
+            }
+            let work = evaluated(&problem, &deformation, 3);
+            for k in 0..6 {
+                let by = Column { atom: Atom::FramePose(k), weight: Weight::Frames(vec![1.0; 10]) };
+                let moved = |sign: f64| {
+                    let mut d = deformation.clone();
+                    by.add(sign * 1e-5, &problem.scene, &mut d);
+                    let work = evaluated(&problem, &d, 3);
+                    rows(&work, &work.residual)
+                };
+                let difference = (moved(-1.0) - moved(1.0)) / 2e-5;
+                let claimed = column(&work, &problem, &deformation, 3, by.atom).unwrap();
+                let claimed = rows(&work, &claimed);
+                let miss = (&difference - &claimed).norm() / difference.norm();
+                assert!(miss < 1e-6, "known {known}, moving {moving}, {k}: {miss:e}");
+            }
+        }
+    }
 }
 
 #[test]

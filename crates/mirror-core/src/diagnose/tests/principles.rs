@@ -7,7 +7,7 @@ use crate::diagnose::principles::{
     LOG_PRIOR_FREE, LOG_PRIOR_SAME_PLACE, LOG_PRIOR_STRUCTURE, MAJORITY, NEARLY_ALL, SEVERAL_CAUSES,
     SURE_DEVIATIONS, TEMPER, UNTHOUGHT_OF, WORTH_NAMING,
 };
-use crate::diagnose::random_effects::law_discrepancy::LAW_SHARE;
+use crate::diagnose::random_effects::law_columns::LAW_SHARE;
 use crate::diagnose::report::named_causes::DROOP_BESIDE_BAND;
 use crate::diagnose::selection::nonparametric::IMITATOR_SHARE;
 use crate::diagnose::selection::with_setup::LEAST_LOG_ODDS as LEAST_LOG_ODDS_BESIDE_SETUP;

@@ -5,6 +5,7 @@ use super::work::{FrameWork, Rows};
 use crate::diagnose::model::body::NodeId;
 use crate::diagnose::model::deformation::Deformation;
 use crate::diagnose::model::elementary::{Atom, Twist, body_twist, followers, moves};
+use crate::diagnose::model::pose::{after_turn, exp};
 use crate::diagnose::model::problem::Problem;
 use crate::diagnose::model::slips::Slipped;
 use nalgebra::{Vector3, Vector6};
@@ -63,7 +64,7 @@ impl FrameWork {
             return Some(Twist::about(&actual.t, actual.r * by_turn.column(k)));
         }
         // The shift is expressed in the nominal frame: R = R_actual Exp(ω)ᵀ.
-        let nominal = actual.r * crate::diagnose::model::pose::exp(&turn).transpose();
+        let nominal = actual.r * exp(&turn).transpose();
         Some(Twist::along(nominal.column(k - 3).into_owned()))
     }
 
@@ -128,7 +129,7 @@ impl FrameWork {
                     last = Some((row.node, row.observer, row.marker, relative));
                     relative.map(|t| row.by_world * (t.omega.cross(&row.point) + t.shift))
                 }
-                None => self.rows_of(problem, row, atom),
+                None => self.rows_of((problem, deformation), row, atom),
             };
             if let Some(value) = value {
                 let end = at + row.count;
@@ -212,7 +213,12 @@ impl FrameWork {
     }
 
     #[inline]
-    fn rows_of(&self, problem: &Problem, row: &Rows, atom: Atom) -> Option<Vector3<f64>> {
+    fn rows_of(
+        &self,
+        (problem, deformation): (&Problem, &Deformation),
+        row: &Rows,
+        atom: Atom,
+    ) -> Option<Vector3<f64>> {
         match atom {
             Atom::MarkerShift(m, k) if row.marker == Some(m) => {
                 let mount = self.poses.site(&problem.marker_mounts[m]).r;
@@ -222,11 +228,18 @@ impl FrameWork {
                 Some(Vector3::ith(k, row.scale * row.in_picture[by]))
             }
             Atom::FramePose(k) if row.measured => {
-                let unknown = self.unknown?;
-                let in_root = self.root.inverse_point(&row.point);
+                let in_link = self.measured_from.inverse_point(&row.point);
+                let turned = deformation
+                    .frame_pose_in(self.frame)
+                    .map(|tangent| tangent.fixed_rows::<3>(0).into_owned());
                 let axis = Vector3::ith(k % 3, 1.0);
-                let velocity = if k < 3 { axis.cross(&in_root) } else { axis };
-                Some(unknown.r * velocity * row.scale)
+                let velocity = match turned {
+                    Some(turned) if k < 3 => after_turn(&turned, &axis).cross(&in_link),
+                    Some(turned) => exp(&-turned) * axis,
+                    None if k < 3 => axis.cross(&in_link),
+                    None => axis,
+                };
+                Some(self.unknown.map_or(velocity, |unknown| unknown.r * velocity) * row.scale)
             }
             Atom::FreeOptics(k) => {
                 let column = self.free.get(row.free?)?.column(k);
@@ -255,9 +268,11 @@ fn optics_column(atom: Atom) -> Option<usize> {
         Atom::Joint(_)
         | Atom::Tilt(..)
         | Atom::Bend(_)
+        | Atom::Beam(_)
         | Atom::Turn(..)
         | Atom::Across(..)
         | Atom::Rock(..)
+        | Atom::Sag(..)
         | Atom::LinkShift(..)
         | Atom::OriginShift(..)
         | Atom::MarkerShift(..)

@@ -62,7 +62,9 @@ pub(crate) struct FrameWork {
     board_moved: Option<Pose>,
     /// How the board has slipped on its mount.
     pub(super) board_slip: Option<Vector6<f64>>,
-    pub(super) root: Pose,
+    /// The link in whose frame points are measured.
+    pub(super) measured_from: Pose,
+    /// Its pose in their frame; none where it is the identity.
     pub(super) unknown: Option<Pose>,
     pub residual: Vec<f64>,
     /// The rows by the optics, whitened.
@@ -153,7 +155,7 @@ impl FrameWork {
             board_gradient: Vector3::zeros(),
             board_excess: 0.0,
             board_square: (0.0, 0),
-            root: Pose::identity(),
+            measured_from: Pose::identity(),
             unknown: None,
             board_moved: None,
             board_slip: None,
@@ -203,7 +205,7 @@ impl FrameWork {
         self.frame = frame;
         self.points_each = 0;
         self.markers.posed = false;
-        self.root = self.poses.site(&problem.scene.body.root);
+        self.measured_from = self.poses.site(&problem.points_site.unwrap_or(problem.scene.body.root));
         let mount = &deformation.board_mount;
         // As it was mounted: a camera on the same body moved with it then, and stays where the board slips.
         self.board_moved = problem.board.filter(|_| *mount != Vector6::zeros()).map(|board| {
@@ -264,7 +266,9 @@ impl FrameWork {
         };
         let task = &Task { eye: own.as_ref().or(task.eye), ..*task };
         self.pose(problem, task.deformation, frame);
-        self.unknown = problem.unknown_frame.map(|start| moved(&start, &task.deformation.frame_pose));
+        let away = task.deformation.frame_pose_in(frame);
+        let start = problem.unknown_frame.or(away.map(|_| Pose::identity()));
+        self.unknown = start.map(|start| away.map_or(start, |tangent| moved(&start, &tangent)));
         let data = &problem.frames[frame];
         let nominal_board = problem.boards.get(frame).copied().flatten();
         let mut board = None;
