@@ -38,6 +38,7 @@ mod mistake;
 mod mounts;
 mod optics;
 mod outlying;
+mod permuted;
 mod placed;
 mod reported;
 mod resolutions;
