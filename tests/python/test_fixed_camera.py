@@ -59,13 +59,24 @@ def markers(in_hand: bool) -> dict[str, tuple[int, tuple[float, float, float]]]:
     return ON_BASE if in_hand else MARKERS
 
 
+def swept() -> np.ndarray:
+    """Each joint forth and back by itself, 40 rows, at even steps."""
+    middle = np.array([0.1, 0.2, 0.5])
+    way = np.concatenate([np.linspace(-0.6, 0.6, 20), np.linspace(0.6, -0.6, 20)])
+    return np.concatenate([middle + np.outer(way, np.eye(3)[k]) for k in range(3)])
+
+
 def written(
     folder: Path,
     focal_error: float = 0.0,
     center_px: tuple[float, float] = (0.0, 0.0),
     in_hand: bool = False,
     lift_offset: float = 0.0,
+    sweeps: bool = False,
+    slipped: range = range(0),
+    by: int = 0,
 ) -> Path:
+    """A session of random postures, or of joints that move one after the other; the rows `slipped` hold the measurement of `by` rows later."""
     folder.mkdir()
     placed = markers(in_hand)
     links = [
@@ -100,11 +111,12 @@ def written(
         "distortion_model: plumb_bob\ndistortion_coefficients: {rows: 1, cols: 5, data: [0, 0, 0, 0, 0]}\n"
     )
     rng = np.random.default_rng(7)
+    positions = swept() if sweeps else rng.uniform(-0.8, 0.8, (60, 3)) * (0.25 if in_hand else 1.0)
     rows, sights = ["frame,posture," + ",".join(j[0] for j in JOINTS)], ["frame,target,index,u,v,via"]
-    for frame in range(60):
-        q = rng.uniform(-0.8, 0.8, 3) * (0.25 if in_hand else 1.0)
+    for frame, q in enumerate(positions):
         rows.append(f"{frame},{frame}," + ",".join(f"{x:.6f}" for x in q))
-        for name, point in seen(q + np.array([0.0, lift_offset, 0.0]), in_hand).items():
+        at = positions[frame + by] if frame in slipped else q
+        for name, point in seen(at + np.array([0.0, lift_offset, 0.0]), in_hand).items():
             pixel = FOCAL_PX * (1.0 + focal_error) * point[:2] / point[2] + CENTER_PX + center_px
             u, v = pixel + rng.normal(0.0, 0.2, 2)
             if not (0.0 < u < 1279.0 and 0.0 < v < 959.0):
@@ -150,3 +162,15 @@ def test_the_cameras_error_is_told_and_no_joint_is_blamed(
         limit for limit in found.limits if limit.effect == "lens_distortion" and limit.at == "camera"
     )
     assert all(limit is not None for limit in focal.parameters.values())
+
+
+@pytest.mark.parametrize("by", [-1, 2])
+def test_slipped_rows_of_a_sweep_are_no_slips_of_the_markers(by: int, tmp_path: Path) -> None:
+    """While one joint moves evenly, rows that hold another row's measurement look like a marker that slipped and came back."""
+    found = mp.diagnose(
+        mp.load_session(written(tmp_path / "session", sweeps=True, slipped=range(30, 58), by=by))
+    )
+    assert [(c.effect, c.at) for c in found.causes] == [("pairing", "data")], found.trace
+    told = found.causes[0].parameters
+    assert told["shift_rows"].value == by
+    assert abs(told["first_frame"].value - 30) <= 2 and abs(told["last_frame"].value - 57) <= 2

@@ -21,6 +21,7 @@ mod gap_long;
 mod gap_moving_base;
 mod gap_no_name;
 mod gap_panels;
+mod gap_permuted_names;
 mod gap_sessions;
 mod gap_setup;
 mod gap_several_mistakes;

@@ -8,9 +8,10 @@ use crate::diagnose::likelihood::normal_equations::chunks;
 use crate::diagnose::model::deformation::Deformation;
 use crate::diagnose::model::frame::{FrameWork, Task};
 use crate::diagnose::model::problem::{Noise, Problem};
-use crate::diagnose::principles::{BEYOND_DOUBT, FEWEST_POSTURES, NEARLY_ALL, Prior};
+use crate::diagnose::principles::{BEYOND_DOUBT, FEWEST_POSTURES, MAJORITY, NEARLY_ALL, Prior};
 use crate::error::Result;
 use crate::statistics::median;
+use core::ops::Range;
 use rayon::prelude::*;
 
 /// Rows that a measurement may have slipped.
@@ -108,6 +109,29 @@ pub(crate) fn with_overwritten_rows(problem: &Problem, mut slip: Slip) -> Result
         slip.last += beside.take_while(is_far).count();
     }
     Ok(slip)
+}
+
+/// Whether slipped rows account for what is wrong over a run of rows: most of it is among them, and with the postures of the other rows
+/// they agree with the model as the rows outside do.
+///
+/// # Errors
+/// Invalid parameters of the camera or mirror.
+pub(crate) fn accounts_for(problem: &Problem, run: Range<usize>) -> Result<bool> {
+    let scatter = effective(problem, &problem.nominal(), problem.noise, None)?;
+    let Some(slip) = find(problem, scatter)? else { return Ok(false) };
+    let slipped = slip.first..slip.last + 1;
+    let shared = slipped.end.min(run.end).saturating_sub(slipped.start.max(run.start));
+    if (shared as f64) < MAJORITY * run.len() as f64 {
+        return Ok(false);
+    }
+    let outside: Vec<bool> =
+        (0..problem.frames.len()).map(|f| !run.contains(&f) && !slipped.contains(&f)).collect();
+    let scatter = effective(problem, &problem.nominal(), problem.noise, Some(&outside))?;
+    let own = costs(problem, Problem::nominal, scatter, 0)?;
+    let other = costs(problem, Problem::nominal, scatter, slip.shift)?;
+    let usual = median(own.iter().zip(&outside).filter_map(|(c, out)| c.filter(|_| *out)).collect());
+    let there = median(other[slipped].iter().flatten().copied().collect());
+    Ok(there < usual + 2.0 * BEYOND_DOUBT)
 }
 
 /// Whether a run of slipped rows is still slipped given the causes found: with a wrong scale the neighbours of a

@@ -60,6 +60,7 @@ use crate::diagnose::likelihood::probability::tempered;
 use crate::diagnose::model::deformation::Deformation;
 use crate::diagnose::model::problem::Problem;
 use crate::diagnose::prepare::first_result::FirstResult;
+use crate::diagnose::prepare::row_slip;
 use crate::diagnose::principles::{BEYOND_DOUBT, FEWEST_FRAMES, Size};
 use crate::error::Result;
 use crate::robot::Robot;
@@ -212,6 +213,16 @@ pub(crate) fn leaves_gross(problem: &Problem, found: &Deformation, recording: &R
     Ok(Chain::new(Vec::new(), Variant::of(recording, problem), &misfit, &frames).is_gross())
 }
 
+/// The rows of a slip and the way back.
+fn there_and_back_in(mistakes: &[Mistake]) -> Option<core::ops::Range<usize>> {
+    match mistakes {
+        [Mistake::Slip { slip: there, .. }, Mistake::Slip { slip: back, .. }] => {
+            Some(there.first..back.first)
+        }
+        _ => None,
+    }
+}
+
 /// A slip, or a lost zero of a joint, during the session; a slip and the way back.
 fn change_point(session: &Undone, without: &[String], zeros: bool, memory: &mut Memory) -> Result<Changes> {
     if without.iter().any(|w| w == "slip") {
@@ -221,6 +232,14 @@ fn change_point(session: &Undone, without: &[String], zeros: bool, memory: &mut 
         let problem = &session.problem;
         let postures = crate::diagnose::likelihood::saturated::postures(problem);
         let clear = changes::find(problem, &spread(&postures, FRAMES_OF_SLIPS, 1), problem.noise, zeros)?;
+        // Rows that contain other rows' measurements look like a place that slipped, and came back: they are looked for later.
+        let run = clear.as_ref().and_then(|(mistakes, _)| there_and_back_in(mistakes));
+        let slipped = run.filter(|_| !without.iter().any(|w| w == "pairing"));
+        if let Some(run) = slipped
+            && row_slip::accounts_for(problem, run)?
+        {
+            return Ok(None);
+        }
         if clear.is_none() && zeros { single_step::find(problem) } else { Ok(clear) }
     })
 }
