@@ -56,7 +56,7 @@ pub(crate) fn weighed<'a>(
         found.cut_off = true;
         found.trace.push("the search for causes did not end: what it found so far may be a part".into());
     }
-    drop_useless(&mut search, &mut found, &mut after, geometry.as_ref())?;
+    let needed_there = drop_useless(&mut search, &mut found, &mut after, geometry.as_ref())?;
     comes_down(&search, &mut found, &mut after)?;
     let mut standings = settled(&search, &mut found, &mut after, geometry.as_ref())?;
     if let Some(law) = unnamed_law {
@@ -86,7 +86,9 @@ pub(crate) fn weighed<'a>(
         Some(told) => Some(told),
         None => unexplained(&search, &found, &left, reached)?,
     };
-    let unexplained = unexplained.or((loud || cut_off).then(Unexplained::anywhere));
+    let unexplained = unexplained
+        .or_else(|| Unexplained::at(search.catalogue, &needed_there))
+        .or((loud || cut_off).then(Unexplained::anywhere));
     if free {
         after = without_names(&search, &mut found, &mut standings)?;
     }

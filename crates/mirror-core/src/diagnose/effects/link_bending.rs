@@ -91,7 +91,7 @@ impl Effect for LinkBending {
     fn about(&self) -> Option<About> {
         Some(About {
             at: PlaceKind::Link,
-            law: "the link turns about its middle by c times the moment across it",
+            law: "the link turns about its middle by c times the moment across it, or bends as a uniform beam of compliance c",
             remedy: "stiffen the link, or model it as flexible",
             written_to: WrittenTo::Mjcf,
             joint_law: &[],

@@ -283,14 +283,7 @@ impl Effect for FreeForm {
                 let known = |m: &usize| on != On::Nothing || scene.mount_known[*m];
                 (0..scene.marker_names.len()).filter(known).map(Place::Marker).collect()
             }
-            What::CameraMount => {
-                if scene.has_board {
-                    vec![Place::Camera]
-                } else {
-                    Vec::new()
-                }
-            }
-            What::Image | What::Focal => {
+            What::CameraMount | What::Image | What::Focal => {
                 if scene.has_camera {
                     vec![Place::Camera]
                 } else {

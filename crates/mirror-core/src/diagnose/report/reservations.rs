@@ -94,6 +94,7 @@ pub(crate) fn beside_remainder(
     let left = seen_size(&in_sample(&search.problem, &deformation, search.measured_noise)?).powi(2);
     let remainder = (left - noise_square(&search.problem, search.measured_noise)).max(0.0);
     contradicted_slips(causes, findings);
+    one_drift_of_several(causes);
     // A droop is told with the stiction that it belongs to.
     for cause in causes.iter_mut().filter(|c| c.rms_shift > 0.0) {
         let own = cause.rms_shift.powi(2);
@@ -103,6 +104,15 @@ pub(crate) fn beside_remainder(
         causes.iter_mut().for_each(|c| c.probability *= MAJORITY);
     }
     Ok(())
+}
+
+/// Limits what is told of several joints that drift where something is left: one thing that changes with time (temperature, the base, what
+/// measures) is as probable as that each drifts by itself.
+fn one_drift_of_several(causes: &mut [Cause]) {
+    let drifts = |c: &&mut Cause| c.effect == "drift";
+    if causes.iter_mut().filter(drifts).count() > 1 {
+        causes.iter_mut().filter(drifts).for_each(|c| c.probability *= MAJORITY);
+    }
 }
 
 /// Limits what is told of a slip where what is left at its place depends on time: it is no single step there, and a

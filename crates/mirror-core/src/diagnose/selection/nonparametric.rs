@@ -55,6 +55,16 @@ impl Unexplained {
         self.places.iter().all(|p| p.place.is_none() || by_itself(p))
     }
 
+    /// Free-form errors; none where there are none.
+    pub fn at(all: &Catalogue, hypotheses: &[usize]) -> Option<Self> {
+        let place = |&h: &usize| UnexplainedPlace {
+            place: Some(all.hypotheses[h].place),
+            depends_on: Some(all.effect(h).name().to_owned()),
+            shift: 1.0,
+        };
+        (!hypotheses.is_empty()).then(|| Self { places: hypotheses.iter().map(place).collect() })
+    }
+
     /// A remainder without a place.
     pub fn anywhere() -> Self {
         Self { places: vec![UnexplainedPlace { place: None, depends_on: None, shift: 0.0 }] }

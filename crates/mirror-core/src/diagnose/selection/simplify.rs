@@ -5,7 +5,7 @@ use crate::diagnose::criteria::cross_validation::{PostureGap, held_out, in_sampl
 use crate::diagnose::effects::hypothesis::{Model, Term};
 use crate::diagnose::likelihood::fit::{FitOptions, Group};
 use crate::diagnose::model::solver::SOLVER;
-use crate::diagnose::principles::{LEAST_HELD_OUT_GAIN, LEAST_LOG_ODDS, NEARLY_ALL, TEMPER};
+use crate::diagnose::principles::{ABOVE_SCATTER, LEAST_HELD_OUT_GAIN, LEAST_LOG_ODDS, NEARLY_ALL, TEMPER};
 use crate::diagnose::random_effects::geometric_tolerances::Geometry;
 use crate::diagnose::selection::linear_search::by_linear_models;
 use crate::diagnose::selection::linear_use::{drop_useless_beside, least_gain};
@@ -54,18 +54,23 @@ pub(crate) fn comes_down(search: &Search<'_>, found: &mut Found, after: &mut Vec
     Ok(())
 }
 
-/// Drops causes that do not help where they were not fitted.
+/// Drops causes that do not help where they were not fitted. Returns the free-form errors among them without which the postures that they
+/// were fitted to are far from the model: something is wrong there, in a few postures of which the others tell nothing.
+///
+/// # Errors
+/// Invalid parameters of the camera or mirror.
 pub(crate) fn drop_useless(
     search: &mut Search<'_>,
     found: &mut Found,
     after: &mut Vec<PostureGap>,
     beside: Option<&Geometry>,
-) -> Result<()> {
+) -> Result<Vec<usize>> {
+    let mut needed_there = Vec::new();
     if let Some(geometry) = by_linear_models(&search.problem, beside) {
         if drop_useless_beside(geometry, search, found)? {
             *after = search.held_out(&found.fit.model, found.noise)?;
         }
-        return Ok(());
+        return Ok(needed_there);
     }
     let catalogue = search.catalogue;
     let least_of = |term: &Term| match beside {
@@ -93,8 +98,16 @@ pub(crate) fn drop_useless(
         if seen_size(&gap) < seen_size(after) * (1.0 + least)
             && TEMPER * ahead_of_member(beside, search, found, (i, &rest))? <= LEAST_LOG_ODDS
         {
-            let name = search.catalogue.name(&search.problem.scene, found.fit.model.terms[i].hypothesis);
+            let hypothesis = found.fit.model.terms[i].hypothesis;
+            let name = search.catalogue.name(&search.problem.scene, hypothesis);
             found.trace.push(format!("drop {name}: no gain on held-out regions"));
+            if catalogue.is_free(hypothesis) {
+                let with = search.deformation(&found.fit.model);
+                let with = in_sample(&search.problem, &with, search.detector_noise())?;
+                if seen_size(&fitted) > ABOVE_SCATTER * seen_size(&with) {
+                    needed_there.push(hypothesis);
+                }
+            }
             found.fit = without;
             *after = gap;
             i = 0;
@@ -102,7 +115,7 @@ pub(crate) fn drop_useless(
             i += 1;
         }
     }
-    Ok(())
+    Ok(needed_there)
 }
 
 /// Whether what was found leaves the held-out gap no smaller than the nominal model, in the unit of the
