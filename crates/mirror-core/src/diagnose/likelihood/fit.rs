@@ -3,7 +3,7 @@
 
 use crate::diagnose::effects::hypothesis::{Catalogue, Model, nuisances};
 use crate::diagnose::likelihood::covariance::Covariance;
-use crate::diagnose::likelihood::normal_equations::{Normal, needs_board};
+use crate::diagnose::likelihood::normal_equations::{Normal, changes_sight};
 use crate::diagnose::likelihood::secant::Secant;
 use crate::diagnose::model::camera_and_mirror::FootPoints;
 use crate::diagnose::model::elementary::Column;
@@ -281,7 +281,7 @@ pub(super) fn linearise(
 ) -> Result<(Normal, Active)> {
     let active = Active::of(problem, catalogue, group, model);
     let deformation = model.deformation(problem, catalogue, &group.columns);
-    let with_board = needs_board(problem, &active.columns);
+    let with_board = changes_sight(problem, &active.columns);
     let normal = Normal::at(problem, &deformation, noise, &active.columns, with_board, planes, mask)?;
     Ok((normal, active))
 }

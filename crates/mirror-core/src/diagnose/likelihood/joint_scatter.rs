@@ -16,7 +16,7 @@
 //! Sources: Laird and Ware (1982) for the random effects; Liang and Zeger (1986) for the variance of scores.
 
 use crate::diagnose::likelihood::noise::{SETTLED, effective};
-use crate::diagnose::likelihood::normal_equations::{counts, inner, needs_board};
+use crate::diagnose::likelihood::normal_equations::{changes_sight, counts, inner};
 use crate::diagnose::likelihood::saturated::postures;
 use crate::diagnose::model::body::NodeId;
 use crate::diagnose::model::deformation::Deformation;
@@ -202,7 +202,7 @@ impl JointScatter {
 /// Factors on the noise for a scatter of joints: on the corners' by the joints between board and camera, on the markers'
 /// by all others.
 fn widening(problem: &Problem, joints: &[NodeId], sums: &[OfPosture], std_rad: f64) -> Widening {
-    let moves_board = |i: usize| needs_board(problem, &[Column::constant(Atom::Joint(joints[i]))]);
+    let moves_board = |i: usize| changes_sight(problem, &[Column::constant(Atom::Joint(joints[i]))]);
     let together = |of_board: bool| {
         let (mut variance, mut told) = (0.0, 0.0);
         for i in (0..joints.len()).filter(|&i| moves_board(i) == of_board) {
@@ -248,7 +248,7 @@ fn sums(
     let eye = problem.eye(model)?;
     let columns: Vec<Column> = joints.iter().map(|&n| Column::constant(Atom::Joint(n))).collect();
     let residuals = Task::of_residuals(problem, model, eye.as_ref(), noise);
-    let with_board = residuals.with_board || needs_board(problem, &columns);
+    let with_board = residuals.with_board || changes_sight(problem, &columns);
     let task = Task { gaussian: false, with_board, ..residuals };
     let count = joints.len();
     let of_posture = |work: &mut FrameWork, frames: &Vec<usize>| {

@@ -4,7 +4,7 @@
 use crate::diagnose::effects::hypothesis::{Catalogue, Model, Term};
 use crate::diagnose::likelihood::covariance::variances;
 use crate::diagnose::likelihood::fit::{Active, FitOptions, Group, linearise};
-use crate::diagnose::likelihood::normal_equations::{Normal, Planes, needs_board};
+use crate::diagnose::likelihood::normal_equations::{Normal, Planes, changes_sight};
 use crate::diagnose::model::problem::{Noise, Problem};
 use crate::error::Result;
 use core::ops::Range;
@@ -218,7 +218,7 @@ pub(crate) fn likeliest_variants(
         let term = Term { variant, ..model.terms[i].clone() };
         columns.extend(catalogue.columns(&problem.scene, &term));
     }
-    let with_board = needs_board(problem, &columns);
+    let with_board = changes_sight(problem, &columns);
     let planes = model.planes.as_deref();
     let normal = Normal::at(problem, &deformation, noise, &columns, with_board, planes, mask)?;
     let here = Linearised { normal, active };

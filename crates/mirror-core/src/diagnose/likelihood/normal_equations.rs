@@ -77,7 +77,7 @@ pub(crate) fn inner_in(x: &[f64], y: &[f64], span: Span) -> f64 {
 
 /// Whether any column moves how the board's corners are seen; without a board, whether any is of the camera, by which
 /// markers are seen.
-pub(crate) fn needs_board(problem: &Problem, columns: &[Column]) -> bool {
+pub(crate) fn changes_sight(problem: &Problem, columns: &[Column]) -> bool {
     let Some(board) = problem.board else {
         return problem.camera.is_some() && columns.iter().any(|c| c.atom.is_optical());
     };

@@ -9,7 +9,7 @@
 
 use crate::diagnose::effects::hypothesis::{Catalogue, Model};
 use crate::diagnose::likelihood::fit::{Active, Group};
-use crate::diagnose::likelihood::normal_equations::{by_atom, counts, inner, needs_board, rounds};
+use crate::diagnose::likelihood::normal_equations::{by_atom, changes_sight, counts, inner, rounds};
 use crate::diagnose::model::elementary::{Atom, Column};
 use crate::diagnose::model::frame::{FrameWork, PROJECTED, Span, Table, Task, Wanted, add_products, stride};
 use crate::diagnose::model::problem::{Noise, Problem};
@@ -78,7 +78,7 @@ impl ScoreSums {
         let atoms = first.atoms.iter().chain(&of_free_optics.atoms);
         let everything: Vec<Column> =
             active.columns.iter().cloned().chain(atoms.map(|&a| Column::constant(a))).collect();
-        let with_board = needs_board(problem, &everything);
+        let with_board = changes_sight(problem, &everything);
         let eye = problem.eye(&deformation)?;
         let task = Task {
             deformation: &deformation,
@@ -107,7 +107,7 @@ impl ScoreSums {
             candidates.extend(of_free_optics.list.iter().zip(part.sums).map(told));
         }
         // With the corners as rows false ones count less: as they do in a fit that has them so too.
-        let comparable = with_board == needs_board(problem, &active.columns);
+        let comparable = with_board == changes_sight(problem, &active.columns);
         Ok(Self { active, h, g, cost: total.cost, candidates, comparable })
     }
 }

@@ -59,7 +59,7 @@ pub(crate) fn free_errors_of(
 ) -> Result<Vec<FreeErrors>> {
     let columns: Vec<Column> = atoms.iter().map(|&a| Column::constant(a)).collect();
     let eye = problem.eye(deformation)?;
-    let with_board = crate::diagnose::likelihood::normal_equations::needs_board(problem, &columns)
+    let with_board = crate::diagnose::likelihood::normal_equations::changes_sight(problem, &columns)
         || problem.needs_fresh_board(deformation);
     let wanted = Wanted::by(&columns);
     let task = Task { with_board, wanted, ..Task::of_residuals(problem, deformation, eye.as_ref(), noise) };

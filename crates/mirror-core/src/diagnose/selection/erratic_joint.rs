@@ -17,7 +17,7 @@
 use crate::diagnose::effects::hypothesis::Model;
 use crate::diagnose::likelihood::fit::FitOptions;
 use crate::diagnose::likelihood::noise_scale::NoiseScale;
-use crate::diagnose::likelihood::normal_equations::{counts, inner, needs_board};
+use crate::diagnose::likelihood::normal_equations::{changes_sight, counts, inner};
 use crate::diagnose::likelihood::saturated::postures;
 use crate::diagnose::model::body::NodeId;
 use crate::diagnose::model::elementary::{Atom, Column, Weight};
@@ -242,7 +242,7 @@ fn by_first_order(search: &Search<'_>, model: &Model, noise: Noise) -> Result<Ve
     let joints: Vec<NodeId> = (0..scene.nodes()).filter(|&n| scene.relevant[n]).collect();
     let columns: Vec<Column> = joints.iter().map(|&n| Column::constant(Atom::Joint(n))).collect();
     let residuals = Task::of_residuals(problem, &deformation, eye.as_ref(), noise);
-    let with_board = residuals.with_board || needs_board(problem, &columns);
+    let with_board = residuals.with_board || changes_sight(problem, &columns);
     let task = Task { gaussian: false, with_board, ..residuals };
     let groups = postures(problem);
     let mut sums = vec![vec![(0.0, 0.0); groups.len()]; joints.len()];

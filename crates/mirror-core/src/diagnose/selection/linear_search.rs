@@ -11,7 +11,7 @@
 
 use crate::diagnose::effects::hypothesis::Model;
 use crate::diagnose::likelihood::fit::Active;
-use crate::diagnose::likelihood::normal_equations::{Normal, needs_board};
+use crate::diagnose::likelihood::normal_equations::{Normal, changes_sight};
 use crate::diagnose::model::problem::{Noise, Problem};
 use crate::diagnose::principles::{LOG_PRIOR_SAME_PLACE, Size};
 use crate::diagnose::random_effects::geometric_tolerances::Geometry;
@@ -125,7 +125,7 @@ impl<'a> LinearSearch<'a> {
             columns.extend(own);
         }
         let deformation = model.deformation(problem, catalogue, &group.columns);
-        let with_board = needs_board(problem, &columns);
+        let with_board = changes_sight(problem, &columns);
         let mut equations = Vec::new();
         for frames in parts {
             let mut mask = vec![false; problem.frames.len()];

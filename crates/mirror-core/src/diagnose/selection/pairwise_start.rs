@@ -7,7 +7,7 @@
 
 use crate::diagnose::effects::hypothesis::Model;
 use crate::diagnose::likelihood::fit::Active;
-use crate::diagnose::likelihood::normal_equations::{Normal, needs_board};
+use crate::diagnose::likelihood::normal_equations::{Normal, changes_sight};
 use crate::diagnose::model::elementary::Column;
 use crate::diagnose::model::problem::Noise;
 use crate::diagnose::principles::SEVERAL_CAUSES;
@@ -95,7 +95,7 @@ fn likeliest_pair(search: &Search<'_>, model: &Model, noise: Noise) -> Result<Op
     let first = base.columns.len();
     let everything: Vec<Column> = base.columns.iter().cloned().chain(columns).collect();
     let deformation = search.deformation(model);
-    let with_board = needs_board(problem, &everything);
+    let with_board = changes_sight(problem, &everything);
     let planes = model.planes.as_deref();
     let normal = Normal::at(problem, &deformation, noise, &everything, with_board, planes, search.mask)?;
     let (a, g) = reduced(&normal, &base, first);

@@ -1,7 +1,7 @@
 //! What each frame says of a displaced place: the normal equations of a marker's, the board's or the camera's pose, or
 //! of a joint's zero, with the frame's mirror projected out and far rows weighted down.
 
-use crate::diagnose::likelihood::normal_equations::{inner, needs_board};
+use crate::diagnose::likelihood::normal_equations::{changes_sight, inner};
 use crate::diagnose::model::body::NodeId;
 use crate::diagnose::model::deformation::Deformation;
 use crate::diagnose::model::elementary::{Atom, Column};
@@ -86,7 +86,7 @@ pub(super) fn zeros(
 ) -> Result<Vec<Place>> {
     let eye = problem.eye(deformation)?;
     let columns: Vec<Column> = joints.iter().map(|&n| Column::constant(Atom::Joint(n))).collect();
-    let with_board = needs_board(problem, &columns);
+    let with_board = changes_sight(problem, &columns);
     let task = Task { with_board, ..Task::of_residuals(problem, deformation, eye.as_ref(), noise) };
     let mut of_joints = vec![Vec::with_capacity(problem.frames.len()); joints.len()];
     let (mut work, mut column) = (FrameWork::new(problem), Vec::new());
