@@ -65,8 +65,8 @@ fn beyond_linear(scene: &Scene, n: NodeId) -> Vec<Column> {
 /// What tells a beam from a hinge in the link's middle: how much its own mass turns the end, and how far the end sags beyond that turn.
 fn as_a_beam(scene: &Scene, n: NodeId) -> Vec<Column> {
     let frames = 0..scene.frames;
-    let largest = frames.clone().map(|f| scene.moment(f, n).norm()).fold(1e-12, f64::max);
-    let share = BEAM_SHARE / LAW_SHARE / largest;
+    let of_both = |f: usize| [scene.moment(f, n).norm(), scene.beam(f, n).moment.norm()];
+    let share = BEAM_SHARE / LAW_SHARE / frames.clone().flat_map(of_both).fold(1e-12, f64::max);
     let turn = |f: usize| transverse_load(scene, f, n).moment - transverse_moment(scene, f, n);
     let sag = |f: usize| transverse_load(scene, f, n).sag;
     let column = |atom: Atom, k: usize, of: &dyn Fn(usize) -> Vector3<f64>| {

@@ -15,6 +15,7 @@ use crate::diagnose::likelihood::normal_equations::{Normal, changes_sight};
 use crate::diagnose::model::problem::{Noise, Problem};
 use crate::diagnose::principles::{LOG_PRIOR_SAME_PLACE, Size};
 use crate::diagnose::random_effects::geometric_tolerances::Geometry;
+use crate::diagnose::random_effects::law_discrepancy::slack_of_each;
 use crate::diagnose::selection::competing::Competing;
 use crate::diagnose::selection::reduced_equations::{Base, Equations, Factor, Reduced};
 use crate::diagnose::selection::search::Search;
@@ -30,9 +31,18 @@ pub(crate) struct Candidate {
     pub hypothesis: usize,
     pub variant: f64,
     pub columns: Range<usize>,
+    /// The discrepancy terms of its law, which are free where it is in the set; none of a hypothesis that the model lacks.
+    slack: Range<usize>,
     log_prior: f64,
     positive: bool,
     node: Option<usize>,
+}
+
+impl Candidate {
+    /// Its parameters and its law's discrepancy terms.
+    fn with_slack(&self) -> impl Iterator<Item = usize> + use<> {
+        self.columns.clone().chain(self.slack.clone())
+    }
 }
 
 /// The model in normal equations of parts of the postures, in units of the priors' deviations.
@@ -71,37 +81,41 @@ impl<'a> LinearSearch<'a> {
     /// # Errors
     /// Invalid parameters of the camera or mirror.
     pub fn new(
-        (search, model, noise): (&Search<'_>, &Model, Noise),
+        (search, found_model, noise): (&Search<'_>, &Model, Noise),
         geometry: Option<&'a Geometry>,
         competing: &Competing,
         parts: &[Vec<usize>],
     ) -> Result<Self> {
         let (problem, catalogue) = (&search.problem, search.catalogue);
-        let (group, model): (_, Model) = search.loosened(model, None);
+        let (group, model): (_, Model) = search.loosened(found_model, None);
         let active = Active::of(problem, catalogue, &group, &model);
         // Only named causes crowd a place, and of these no zero of a joint where all are off by hand.
         let by_hand = |h: usize| geometry.is_some_and(|g| g.setup_only && g.holds(catalogue, h));
         let crowds = |h: usize| !catalogue.is_free(h) && !by_hand(h);
         let node = |h: usize| catalogue.hypotheses[h].place.node().filter(|_| crowds(h));
         let stays = |h: usize| catalogue.is_free(h) && !competing.free_forms;
-        let of = |(hypothesis, variant): (usize, f64), columns: Range<usize>| Candidate {
-            hypothesis,
-            variant,
-            columns,
-            log_prior: catalogue.log_prior(&problem.scene, hypothesis, variant),
-            positive: catalogue.effect(hypothesis).is_positive(),
-            node: node(hypothesis),
-        };
-        let mut always: Vec<usize> = (0..active.first_term).collect();
+        let of =
+            |(hypothesis, variant): (usize, f64), columns: Range<usize>, slack: Range<usize>| Candidate {
+                hypothesis,
+                variant,
+                columns,
+                slack,
+                log_prior: catalogue.log_prior(&problem.scene, hypothesis, variant),
+                positive: catalogue.effect(hypothesis).is_positive(),
+                node: node(hypothesis),
+            };
+        let slacks = slack_of_each(problem, catalogue, found_model, active.first_group);
+        let of_a_law = |i: &usize| slacks.iter().any(|slack| slack.contains(i));
+        let mut always: Vec<usize> = (0..active.first_term).filter(|i| !of_a_law(i)).collect();
         let mut candidates = Vec::new();
         let mut at = active.first_term;
-        for term in &model.terms {
+        for (term, slack) in model.terms.iter().zip(&slacks) {
             let own = at..at + term.parameters.len();
             at = own.end;
             if stays(term.hypothesis) {
                 always.extend(own);
             } else {
-                candidates.push(of((term.hypothesis, term.variant), own));
+                candidates.push(of((term.hypothesis, term.variant), own, slack.clone()));
             }
         }
         let mut columns = active.columns.clone();
@@ -119,7 +133,7 @@ impl<'a> LinearSearch<'a> {
             let entry = &catalogue.hypotheses[hypothesis];
             let zero = vec![0.0; entry.prior_std.len()];
             let own = catalogue.effect(hypothesis).columns(&problem.scene, entry.place, variant, &zero);
-            candidates.push(of((hypothesis, variant), columns.len()..columns.len() + own.len()));
+            candidates.push(of((hypothesis, variant), columns.len()..columns.len() + own.len(), 0..0));
             std.extend(&entry.prior_std);
             values.extend(zero);
             columns.extend(own);
@@ -187,17 +201,17 @@ impl<'a> LinearSearch<'a> {
 
     /// The parameters of a set of candidates, with those that are always free before them.
     pub(super) fn indices(&self, set: &[usize]) -> Vec<usize> {
-        let own = set.iter().flat_map(|&c| self.candidates[c].columns.clone());
+        let own = set.iter().flat_map(|&c| self.candidates[c].with_slack());
         self.always.iter().copied().chain(own).collect()
     }
 
     /// The equations of a set's parameters (without one of its members); none where numbers overflow.
     pub(super) fn base(&self, reduced: &Reduced, set: &[usize], but: Option<usize>) -> Option<Base> {
         let own = set.iter().filter(|c| Some(**c) != but);
-        reduced.base(own.flat_map(|&c| self.candidates[c].columns.clone()))
+        reduced.base(own.flat_map(|&c| self.candidates[c].with_slack()))
     }
 
-    /// Log posterior odds of a candidate given others.
+    /// Log posterior odds of a candidate given others, its law as it is written.
     pub fn odds(&self, (reduced, base): (&Reduced, &Base), set: &[usize], candidate: usize) -> f64 {
         let of = &self.candidates[candidate];
         let Some(added) = reduced.added(base, of.columns.clone()) else { return f64::NEG_INFINITY };

@@ -8,14 +8,12 @@
 
 use crate::diagnose::principles::{TEMPER, UNTHOUGHT_OF};
 use crate::diagnose::random_effects::geometric_tolerances::Geometry;
-use crate::diagnose::random_effects::law_discrepancy::slack_of_each;
 use crate::diagnose::selection::competing::Competing;
 use crate::diagnose::selection::linear_search::LinearSearch;
 use crate::diagnose::selection::reduced_equations::Reduced;
 use crate::diagnose::selection::search::{Found, Search, SearchOptions};
 use crate::diagnose::selection::standing::{RIVALS, Rival, Standing};
 use crate::error::Result;
-use core::ops::Range;
 
 /// The standings of all causes; none of free-form errors, and where numbers overflow.
 ///
@@ -45,15 +43,12 @@ pub(super) fn linear_standings(
     let competing = Competing::all(rivals.iter().flatten().copied());
     let linear =
         LinearSearch::new((search, model, found.noise), Some(geometry), &competing, &[search.frames()])?;
-    let own_slack = slack_of_each(&search.problem, search.catalogue, model, linear.first_group);
     let equations = linear.sum(&[1.0]);
-    let eliminated: Vec<usize> =
-        linear.always.iter().copied().filter(|i| !own_slack.iter().any(|own| own.contains(i))).collect();
-    let reduced = Reduced::of(&equations, &eliminated);
+    let reduced = Reduced::of(&equations, &linear.always);
     let of_term = |i: usize| {
         reduced.as_ref().and_then(|reduced| {
             let place = linear.candidates.iter().position(|c| c.hypothesis == model.terms[i].hypothesis)?;
-            standing(&linear, reduced, (i, place), &own_slack, &rivals[i])
+            standing(&linear, reduced, place, &rivals[i])
         })
     };
     Ok((0..model.terms.len()).map(of_term).collect())
@@ -63,14 +58,11 @@ pub(super) fn linear_standings(
 fn standing(
     linear: &LinearSearch<'_>,
     reduced: &Reduced,
-    (i, place): (usize, usize),
-    own_slack: &[Range<usize>],
+    place: usize,
     rivals: &[(usize, f64)],
 ) -> Option<Standing> {
     let others: Vec<usize> = (0..linear.found).filter(|&c| c != place).collect();
-    let slack = own_slack.iter().enumerate().filter(|(k, _)| *k != i).flat_map(|(_, own)| own.clone());
-    let causes = others.iter().flat_map(|&c| linear.candidates[c].columns.clone());
-    let base = reduced.base(causes.chain(slack))?;
+    let base = linear.base(reduced, &others, None)?;
     let own = linear.odds((reduced, &base), &others, place);
     let ahead = |candidate: usize| linear.odds((reduced, &base), &others, candidate) - own;
     let weight = |log: f64| (TEMPER * log).min(50.0).exp();
