@@ -11,13 +11,14 @@ use crate::diagnose::model::body::NodeId;
 use crate::diagnose::model::elementary::{Atom, Column, transverse_load, transverse_moment};
 use crate::diagnose::model::scene::Scene;
 use crate::diagnose::model::solver::NEGLIGIBLE;
+use crate::diagnose::principles::Grid;
 
 /// See the module.
 pub(crate) struct LinkBending;
 
 /// The forms of the law: a hinge in the link's middle, a uniform beam.
-const HINGE: f64 = 0.0;
-const BEAM: f64 = 1.0;
+const HINGE: Grid = 0.0;
+const BEAM: Grid = 1.0;
 
 fn largest_moment(scene: &Scene, n: NodeId) -> f64 {
     let of_hinge = (0..scene.frames).map(|f| transverse_moment(scene, f, n).norm()).fold(0.0, f64::max);

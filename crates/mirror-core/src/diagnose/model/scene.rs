@@ -49,9 +49,21 @@ pub(crate) struct Scene {
     pub has_camera: bool,
     pub has_board: bool,
     pub has_mirror: bool,
-    /// Largest distance between a joint and a marker that it moves relative to the observer, at the nominal zero posture, m.
+    /// Largest distance between a relevant joint and a marker that it carries, at the nominal zero posture, m; where none carries one (a
+    /// camera in the hand sees markers on the base) between a joint and any marker.
     pub reach_m: f64,
     pub glass_thickness_m: f64,
+}
+
+/// How far relevant joints reach ([`Scene::reach_m`]).
+fn reach_m(body: &Body, poses: &NodePoses, relevant: &[bool], markers: &[Site]) -> f64 {
+    let farthest = |counts: &dyn Fn(NodeId, &Site) -> bool| {
+        let joints = (0..relevant.len()).filter(|&n| relevant[n]);
+        let pairs = joints.flat_map(|n| markers.iter().map(move |m| (n, m))).filter(|(n, m)| counts(*n, m));
+        pairs.map(|(n, m)| (poses.site(m).t - poses.origin[n]).norm()).fold(0.0, f64::max)
+    };
+    let carried = farthest(&|n, m| body.carries(n, m.node));
+    if carried > 0.0 { carried } else { farthest(&|_, _| true) }
 }
 
 impl Scene {
@@ -134,16 +146,8 @@ impl Scene {
         let mut poses = NodePoses::new(nodes);
         let nominal = Deformation::nominal(1, nodes, markers.len());
         poses.update(&self.body, &vec![0.0; nodes], &nominal, 0);
+        self.reach_m = reach_m(&self.body, &poses, &self.relevant, markers);
         for n in (0..nodes).filter(|&n| self.relevant[n]) {
-            // A joint that carries the camera moves the markers that it does not carry, as the camera sees them.
-            let moves = |m: &&Site| {
-                observers
-                    .iter()
-                    .any(|&observer| self.body.carries(n, m.node) != self.body.carries(n, observer))
-            };
-            for marker in markers.iter().filter(moves) {
-                self.reach_m = self.reach_m.max((poses.site(marker).t - poses.origin[n]).norm());
-            }
             let next_joint =
                 |n: NodeId| (0..nodes).find(|&k| self.relevant[k] && self.body.nodes[k].parent == Some(n));
             // End points in the world at rest: of the link, and of those that it carries.

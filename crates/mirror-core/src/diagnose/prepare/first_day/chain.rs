@@ -5,7 +5,6 @@ use super::alternatives::Session;
 use super::misfit::{GROSS, LEAST_FALL, Misfit};
 use super::mistake::Mistake;
 use super::mounts;
-use super::permuted::chain_of_names;
 use super::undone::{Undone, arranged_again};
 use super::variant::Variant;
 use crate::diagnose::model::problem::Problem;
@@ -129,10 +128,7 @@ pub(super) fn grown(
 ) -> Result<Vec<Chain>> {
     let problem = all.problem;
     let least_fall = least_fall(closely);
-    let named = !without.iter().any(|w| w == "markers_swapped");
-    let permuted = if named { chain_of_names(all, nominal, frames) } else { None };
-    let mut chains: Vec<Chain> =
-        permuted.into_iter().filter(|c| c.loss < nominal.loss - least_fall).collect();
+    let mut chains = Vec::new();
     let mut level = vec![nominal.clone()];
     loop {
         let mut next: Vec<Chain> = Vec::new();

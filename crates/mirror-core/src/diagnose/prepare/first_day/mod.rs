@@ -70,6 +70,7 @@ pub(crate) use memory::Memory;
 use misfit::Misfit;
 use mistake::Changes;
 pub(crate) use mistake::{Mistake, unit_near};
+use permuted::chain_of_names;
 pub(crate) use resolutions::resolution_near;
 pub(crate) use spoilt::{Lost, Step, column};
 use undone::arranged_again;
@@ -310,6 +311,11 @@ fn chain_of_the_body(
     let closely = known.is_some();
     if nominal.is_gross() != closely {
         chains = grown(&all, &nominal, &frames, without, closely)?;
+        let named = !without.iter().any(|w| w == "markers_swapped");
+        let permuted = if named { chain_of_names(&all, &nominal, &frames) } else { None };
+        // What is grown exchange by exchange may end with it, too.
+        let best = chains.first().map_or(nominal.loss, |c| c.loss);
+        chains.extend(permuted.filter(|c| c.loss < best - least_fall(closely)));
     }
     if spoilt && nominal.is_gross() {
         let mut shown = choice::compared_on(&all, &chains);

@@ -8,7 +8,7 @@
 use super::alternatives::{Session, shows};
 use super::chain::Chain;
 use super::mistake::Mistake;
-use super::variant::Variant;
+use super::variant::{Variant, other_of};
 
 /// The chain of exchanges that makes the best permutation of all names; none where that exchanges fewer than three.
 pub(super) fn chain_of_names(session: &Session<'_>, chain: &Chain, frames: &[usize]) -> Option<Chain> {
@@ -23,7 +23,7 @@ pub(super) fn chain_of_names(session: &Session<'_>, chain: &Chain, frames: &[usi
         if now == marker {
             continue;
         }
-        at.iter_mut().for_each(|m| *m = super::variant::other_of((now, marker), *m));
+        at.iter_mut().for_each(|m| *m = other_of((now, marker), *m));
         let markers = (now.min(marker), now.max(marker));
         let seen = (0..session.problem.frames.len()).filter(|&f| shows(session.problem, f, now, marker));
         out = out.with(
@@ -57,7 +57,7 @@ fn losses(session: &Session<'_>, variant: &Variant, frames: &[usize]) -> Vec<Vec
 }
 
 /// A permutation that no exchange of two improves: the marker of each name.
-fn best_names(losses: &[Vec<f64>]) -> Vec<usize> {
+pub(super) fn best_names(losses: &[Vec<f64>]) -> Vec<usize> {
     let mut names: Vec<usize> = (0..losses.len()).collect();
     let gain = |names: &[usize], a: usize, b: usize| {
         losses[a][names[a]] + losses[b][names[b]] - losses[a][names[b]] - losses[b][names[a]]
@@ -72,21 +72,4 @@ fn best_names(losses: &[Vec<f64>]) -> Vec<usize> {
         }
     }
     names
-}
-
-#[cfg(test)]
-mod tests {
-    use super::best_names;
-
-    #[test]
-    fn the_best_names_are_found_through_exchanges() {
-        // Name i is marker i + 1 of five.
-        let losses: Vec<Vec<f64>> = (0..5)
-            .map(|i| (0..5).map(|j| if j == (i + 1) % 5 { 0.1 } else { 5.0 + (i * j % 3) as f64 }).collect())
-            .collect();
-        assert_eq!(best_names(&losses), [1, 2, 3, 4, 0]);
-        let in_place: Vec<Vec<f64>> =
-            (0..3).map(|i| (0..3).map(|j| if i == j { 0.0 } else { 1.0 }).collect()).collect();
-        assert_eq!(best_names(&in_place), [0, 1, 2]);
-    }
 }

@@ -10,6 +10,7 @@ use super::misfit::Misfit;
 use super::mistake::{LateKind, Mistake, in_time, rows_of_decay};
 use super::optics::CLEAR_LOSS;
 use super::outlying;
+use super::permuted::best_names;
 use super::single_cause::{self, Beside};
 use super::variant::Variant;
 use crate::diagnose::data::recording::{Recording, Target};
@@ -411,4 +412,16 @@ fn mixtures_are_undone_but_for_the_rows_that_are_given_up() {
         }
     }
     assert_eq!((rows_of_decay(0.1, 80), rows_of_decay(0.5, 80), rows_of_decay(0.499, 80)), (3, 20, 20));
+}
+
+#[test]
+fn the_best_names_are_found_through_exchanges() {
+    // Name i is marker i + 1 of five.
+    let losses: Vec<Vec<f64>> = (0..5)
+        .map(|i| (0..5).map(|j| if j == (i + 1) % 5 { 0.1 } else { 5.0 + (i * j % 3) as f64 }).collect())
+        .collect();
+    assert_eq!(best_names(&losses), [1, 2, 3, 4, 0]);
+    let in_place: Vec<Vec<f64>> =
+        (0..3).map(|i| (0..3).map(|j| if i == j { 0.0 } else { 1.0 }).collect()).collect();
+    assert_eq!(best_names(&in_place), [0, 1, 2]);
 }
