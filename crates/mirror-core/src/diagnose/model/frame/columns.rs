@@ -5,7 +5,6 @@ use super::work::{FrameWork, Rows};
 use crate::diagnose::model::body::NodeId;
 use crate::diagnose::model::deformation::Deformation;
 use crate::diagnose::model::elementary::{Atom, Twist, body_twist, followers, moves};
-use crate::diagnose::model::pose::{after_turn, exp};
 use crate::diagnose::model::problem::Problem;
 use crate::diagnose::model::slips::Slipped;
 use nalgebra::{Vector3, Vector6};
@@ -64,7 +63,7 @@ impl FrameWork {
             return Some(Twist::about(&actual.t, actual.r * by_turn.column(k)));
         }
         // The shift is expressed in the nominal frame: R = R_actual Exp(ω)ᵀ.
-        let nominal = actual.r * exp(&turn).transpose();
+        let nominal = actual.r * crate::diagnose::model::pose::exp(&turn).transpose();
         Some(Twist::along(nominal.column(k - 3).into_owned()))
     }
 
@@ -129,7 +128,7 @@ impl FrameWork {
                     last = Some((row.node, row.observer, row.marker, relative));
                     relative.map(|t| row.by_world * (t.omega.cross(&row.point) + t.shift))
                 }
-                None => self.rows_of((problem, deformation), row, atom),
+                None => self.rows_of(problem, row, atom),
             };
             if let Some(value) = value {
                 let end = at + row.count;
@@ -213,12 +212,7 @@ impl FrameWork {
     }
 
     #[inline]
-    fn rows_of(
-        &self,
-        (problem, deformation): (&Problem, &Deformation),
-        row: &Rows,
-        atom: Atom,
-    ) -> Option<Vector3<f64>> {
+    fn rows_of(&self, problem: &Problem, row: &Rows, atom: Atom) -> Option<Vector3<f64>> {
         match atom {
             Atom::MarkerShift(m, k) if row.marker == Some(m) => {
                 let mount = self.poses.site(&problem.marker_mounts[m]).r;
@@ -228,17 +222,10 @@ impl FrameWork {
                 Some(Vector3::ith(k, row.scale * row.in_picture[by]))
             }
             Atom::FramePose(k) if row.measured => {
+                // Near its start, to first order in its turn.
                 let in_link = self.measured_from.inverse_point(&row.point);
-                let turned = deformation
-                    .frame_pose_in(self.frame)
-                    .map(|tangent| tangent.fixed_rows::<3>(0).into_owned());
                 let axis = Vector3::ith(k % 3, 1.0);
-                let velocity = match turned {
-                    Some(turned) if k < 3 => after_turn(&turned, &axis).cross(&in_link),
-                    Some(turned) => exp(&-turned) * axis,
-                    None if k < 3 => axis.cross(&in_link),
-                    None => axis,
-                };
+                let velocity = if k < 3 { axis.cross(&in_link) } else { axis };
                 Some(self.unknown.map_or(velocity, |unknown| unknown.r * velocity) * row.scale)
             }
             Atom::FreeOptics(k) => {
