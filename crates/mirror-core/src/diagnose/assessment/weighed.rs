@@ -3,11 +3,13 @@
 
 use crate::diagnose::assessment::findings::Findings;
 use crate::diagnose::assessment::noise_floor::{is_no_noise, is_reached};
-use crate::diagnose::criteria::cross_validation::in_sample;
+use crate::diagnose::criteria::cross_validation::{PostureGap, in_sample};
 use crate::diagnose::criteria::lack_of_fit::adequacy;
 use crate::diagnose::data::diagnosis::Alternative;
 use crate::diagnose::effects::Place;
 use crate::diagnose::effects::hypothesis::Model;
+use crate::diagnose::likelihood::fit::Group;
+use crate::diagnose::model::problem::Problem;
 use crate::diagnose::prepare::first_day::Doubt;
 use crate::diagnose::prepare::prepared::Prepared;
 use crate::diagnose::principles::{TEMPER, UNTHOUGHT_OF};
@@ -102,13 +104,8 @@ pub(crate) fn weighed<'a>(
         (geometry, after) = (None, nominal_gap.clone());
         standings.clear();
     }
-    let before = if prepared.mistakes().is_empty() {
-        nominal_gap
-    } else {
-        // The nominal model is that of the session as it was given.
-        let given = &prepared.given;
-        in_sample(given, &given.nominal(), search.detector_noise())?
-    };
+    let before =
+        if prepared.mistakes().is_empty() { nominal_gap } else { as_given(&search, &prepared.given)? };
     found.trace.splice(0..0, prepared.trace().iter().cloned());
     Ok(Findings {
         search,
@@ -124,6 +121,18 @@ pub(crate) fn weighed<'a>(
         doubts,
         step: None,
     })
+}
+
+/// The gap of the nominal model of a session as it was given. What the session states as unknown (mounts, the frame of measured points) is
+/// fitted; without that there is nothing to fit.
+fn as_given(search: &Search<'_>, given: &Problem) -> Result<Vec<PostureGap>> {
+    let nominal = Model::nominal(given);
+    if nominal.nuisances.is_empty() {
+        return in_sample(given, &given.nominal(), search.detector_noise());
+    }
+    let as_given = Search { problem: given.clone(), group: Group::default(), mask: None, ..search.clone() };
+    let scatter = as_given.effective(&nominal)?;
+    as_given.held_out(&nominal, scatter)
 }
 
 /// The zeros of both joints of a link as an alternative of its length, told at the joint that carries it; none where they
