@@ -48,8 +48,7 @@ test-rust: ## the core's tests; needs no Python
 # A third of a worker's time is waiting for processes: three keep two cores at work.
 test-python: $(VENV)/installed-for-tests ## build and install the wheel, test it
 	$(BIN)/python -m pytest -q -n 3 --dist worksteal -m "not realtime"
-	@# What the load of others made late is tried once more, alone.
-	$(BIN)/python -m pytest -q -n 4 -m realtime $(REALTIME) || $(BIN)/python -m pytest -q --last-failed --last-failed-no-failures none -m realtime $(REALTIME)
+	$(BIN)/python -m pytest -q -n 4 -m realtime $(REALTIME)
 
 test-floors: $(VENV)/wheel ## detection and sessions with the oldest dependencies that can be solved (not a part of `make test`)
 	$(PYTHON) -m venv $(VENV)-floors

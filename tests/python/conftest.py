@@ -12,6 +12,9 @@ from hypothesis import settings
 # for what never comes.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
+# The same of a closed terminal, under `nohup`.
+if hasattr(signal, "SIGHUP") and signal.getsignal(signal.SIGHUP) is signal.SIG_IGN:
+    signal.signal(signal.SIGHUP, signal.SIG_DFL)
 
 # Without a screen MuJoCo renders by EGL.
 if sys.platform == "linux" and "DISPLAY" not in os.environ:
