@@ -36,6 +36,13 @@ def test_what_is_written_is_the_public_format(tree: dict[str, Any]) -> None:
     assert steps(mp.Diagnosis.from_document(tree)).count("→") == 2
 
 
+def test_steps_that_are_not_told_have_no_unit(tree: dict[str, Any]) -> None:
+    of_mistakes = copy.deepcopy(tree)
+    of_mistakes["gap"]["steps"][1]["rms_m"] = None
+    before, between, after = steps(mp.Diagnosis.from_document(of_mistakes)).split(" → ")
+    assert between == "?" and before != "?" and after.endswith(" mm")
+
+
 def test_version_1_is_still_read(tree: dict[str, Any]) -> None:
     old = copy.deepcopy(tree) | {"version": 1}
     for key in ("limits", "data"):

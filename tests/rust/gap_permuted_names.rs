@@ -52,6 +52,27 @@ fn names_in_a_cycle_are_exchanges_of_names_alone() {
     }
 }
 
+/// A name may be of a marker that another exchange has moved there: an exchange is of all frames, whatever names they show.
+#[test]
+fn names_in_a_cycle_are_put_right_in_frames_that_lack_markers_too() {
+    let world = world();
+    let mut recording =
+        world.record_points(&Plan { postures: 40, views: 1, seed: 4, ..Plan::default() }, 3e-4);
+    turn_names(&mut recording);
+    let tool = recording.markers.len() - 3;
+    for (f, frame) in recording.frames.iter_mut().enumerate() {
+        // In one of three frames one marker of the tool is left, another one each time.
+        frame.points.retain(|p| f % 3 > 0 || p.marker < tool || p.marker == tool + f / 3 % 3);
+    }
+    let robot = Robot::from_urdf_str(&world.urdf()).unwrap();
+    let told = diagnose(&robot, &recording, &DiagnoseOptions::default(), &[]).unwrap();
+    assert_eq!(told.verdict, Verdict::Explained, "{} {:#?}", told.sentence, told.trace);
+    assert!(told.data.left_out.is_empty(), "{:?}", told.data.left_out);
+    for cause in &told.causes {
+        assert_eq!((cause.effect.as_str(), cause.parameters["share"].value), ("markers_swapped", 1.0));
+    }
+}
+
 #[test]
 fn a_zero_that_is_a_third_of_a_turn_off_is_no_exchange_of_names() {
     let joint = world().bone("r_wrist_1");

@@ -180,7 +180,8 @@ def millimetres(value_m: float | None) -> str:
 
 def steps(found: Diagnosis) -> str:
     """The gap step by step, `7.20 → 1.30 → 0.52 mm`; empty where no step lies between before and after."""
-    in_pixels = any(step.rms_m is None for step in found.gap.steps)
+    # Of several mistakes at once the steps between are not told, in no unit.
+    in_pixels = any(step.rms_m is None and step.rms_px is not None for step in found.gap.steps)
     values = [step.rms_px if in_pixels else step.rms_m for step in found.gap.steps]
     told = ["?" if value is None else f"{value:.2f}" if in_pixels else millimetres(value) for value in values]
     return f"{' → '.join(told)} {'px' if in_pixels else 'mm'}" if len(told) > 2 else ""

@@ -410,7 +410,7 @@ impl<'a> Session<'a> {
 }
 
 /// Whether a frame shows one of two markers.
-pub(super) fn shows(problem: &Problem, frame: usize, a: usize, b: usize) -> bool {
+fn shows(problem: &Problem, frame: usize, a: usize, b: usize) -> bool {
     problem.frames[frame].others.iter().any(|o| match o {
         Observation::Pixel { seen: Seen::Marker(m), .. } => *m == a || *m == b,
         Observation::Pixel { .. } => false,

@@ -5,7 +5,7 @@
 //! whole permutation is compared with it: the one with the least loss, found by exchanges in the table of what each name's
 //! observations lose as each marker.
 
-use super::alternatives::{Session, shows};
+use super::alternatives::Session;
 use super::chain::Chain;
 use super::mistake::Mistake;
 use super::variant::{Variant, other_of};
@@ -17,7 +17,7 @@ pub(super) fn chain_of_names(session: &Session<'_>, chain: &Chain, frames: &[usi
         return None;
     }
     let mut at: Vec<usize> = (0..names.len()).collect();
-    let mut out = chain.clone();
+    let (mut mistakes, mut variant) = (chain.mistakes.clone(), chain.variant.clone());
     for (name, &marker) in names.iter().enumerate() {
         let now = at[name];
         if now == marker {
@@ -25,14 +25,13 @@ pub(super) fn chain_of_names(session: &Session<'_>, chain: &Chain, frames: &[usi
         }
         at.iter_mut().for_each(|m| *m = other_of((now, marker), *m));
         let markers = (now.min(marker), now.max(marker));
-        let seen = (0..session.problem.frames.len()).filter(|&f| shows(session.problem, f, now, marker));
-        out = out.with(
-            &Mistake::MarkersSwapped { markers, frames: seen.collect(), always: true },
-            session,
-            frames,
-        );
+        // In all frames: the name may be of a marker that another exchange has moved there.
+        let everywhere = (0..session.problem.frames.len()).collect();
+        let exchange = Mistake::MarkersSwapped { markers, frames: everywhere, always: true };
+        exchange.on_variant(&mut variant);
+        mistakes.push(exchange);
     }
-    Some(out)
+    Some(Chain::new(mistakes, variant, session.misfit, frames))
 }
 
 /// `[name][marker]`: the sum of the losses of a name's observations, were they that marker's.
