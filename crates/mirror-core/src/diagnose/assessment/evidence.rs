@@ -126,17 +126,20 @@ pub(crate) fn what_boards_are_false(data: &Data) -> String {
     )
 }
 
+/// The frames of what one joint's other position corrects, with that joint and whether the position is a larger one.
+fn elsewhere(data: &Data) -> impl Iterator<Item = (i64, (&str, bool))> {
+    data.left_out.iter().filter_map(|left| Some((left.frame, left.joint_elsewhere()?)))
+}
+
 /// The joint that is elsewhere in most of the postures that one joint corrects, always to the same side, and in how many:
 /// a law of that joint, and no digits. None of fewer than three postures; `posture_of` a frame, by its number.
 fn one_joint_elsewhere(data: &Data, posture_of: impl Fn(i64) -> i64) -> Option<(String, usize)> {
     let mut postures: BTreeMap<(&str, bool), BTreeSet<i64>> = BTreeMap::new();
     let mut all: BTreeSet<i64> = BTreeSet::new();
-    for left in &data.left_out {
-        if let Some(of) = left.joint_elsewhere() {
-            let posture = posture_of(left.frame);
-            postures.entry(of).or_default().insert(posture);
-            all.insert(posture);
-        }
+    for (frame, of) in elsewhere(data) {
+        let posture = posture_of(frame);
+        postures.entry(of).or_default().insert(posture);
+        all.insert(posture);
     }
     let ((joint, _), its) = postures.into_iter().max_by_key(|(_, its)| its.len())?;
     let many = its.len() >= FEWEST_POSTURES && its.len() as f64 > MAJORITY * all.len() as f64;
@@ -166,10 +169,8 @@ pub(crate) fn what_is_elsewhere(data: &Data, problem: &Problem) -> Option<(Strin
 
 /// How many rows were left out that other positions of joints correct, in words; none where no row was.
 pub(crate) fn rows_elsewhere(data: &Data) -> Option<String> {
-    let rows: BTreeSet<i64> =
-        data.left_out.iter().filter(|l| l.joint_elsewhere().is_some()).map(|l| l.frame).collect();
-    let joints: BTreeSet<&str> =
-        data.left_out.iter().filter_map(|l| l.joint_elsewhere()).map(|(joint, _)| joint).collect();
+    let rows: BTreeSet<i64> = elsewhere(data).map(|(frame, _)| frame).collect();
+    let joints: BTreeSet<&str> = elsewhere(data).map(|(_, (joint, _))| joint).collect();
     (!rows.is_empty()).then(|| {
         let joints: Vec<String> = joints.iter().map(|joint| format!("joint:{joint}")).collect();
         format!(

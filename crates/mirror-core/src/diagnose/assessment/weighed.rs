@@ -8,7 +8,6 @@ use crate::diagnose::criteria::lack_of_fit::adequacy;
 use crate::diagnose::data::diagnosis::Alternative;
 use crate::diagnose::effects::Place;
 use crate::diagnose::effects::hypothesis::Model;
-use crate::diagnose::likelihood::fit::Group;
 use crate::diagnose::model::problem::Problem;
 use crate::diagnose::prepare::first_day::Doubt;
 use crate::diagnose::prepare::prepared::Prepared;
@@ -21,7 +20,7 @@ use crate::diagnose::selection::extended_models::Extended;
 use crate::diagnose::selection::nonparametric::{Unexplained, unexplained};
 use crate::diagnose::selection::search::{Found, Search};
 use crate::diagnose::selection::simplify::{
-    comes_down, drop_useless, gaps, name_nothing, named_for_little, named_in_vain, without_names,
+    comes_down, drop_useless, gaps, name_nothing, named_for_little, named_in_vain, nominal_gap, without_names,
 };
 use crate::diagnose::selection::zeros_of_link::{ZerosInstead, zeros_instead};
 use crate::error::Result;
@@ -130,9 +129,8 @@ fn as_given(search: &Search<'_>, given: &Problem) -> Result<Vec<PostureGap>> {
     if nominal.nuisances.is_empty() {
         return in_sample(given, &given.nominal(), search.detector_noise());
     }
-    let as_given = Search { problem: given.clone(), group: Group::default(), mask: None, ..search.clone() };
-    let scatter = as_given.effective(&nominal)?;
-    as_given.held_out(&nominal, scatter)
+    let as_given = Search { problem: given.clone(), mask: None, ..search.clone() };
+    nominal_gap(&as_given, &nominal)
 }
 
 /// The zeros of both joints of a link as an alternative of its length, told at the joint that carries it; none where they

@@ -29,12 +29,10 @@ fn largest_of_beam(scene: &Scene, n: NodeId) -> f64 {
     (0..scene.frames).map(|f| transverse_load(scene, f, n).moment.norm()).fold(0.0, f64::max)
 }
 
-/// Whether the second form is another one than the first: the link has a length, and its moment turns its end. Of a telescope the length
-/// varies, and it has an effect of its own.
+/// Whether the second form is another one than the first: the link has a length, and its moment turns its end.
 fn bends_as_a_beam(scene: &Scene, n: NodeId) -> bool {
     let sags = |f: usize| transverse_load(scene, f, n).sag.norm() > NEGLIGIBLE;
-    let is_column = scene.body.nodes[n].column().is_some();
-    !is_column && largest_of_beam(scene, n) > NEGLIGIBLE && (0..scene.frames).any(sags)
+    largest_of_beam(scene, n) > NEGLIGIBLE && (0..scene.frames).any(sags)
 }
 
 impl Effect for LinkBending {

@@ -4,6 +4,35 @@
 use crate::diagnose::model::free_values::FreeValues;
 use nalgebra::{Matrix2x3, Vector2, Vector3, Vector6};
 
+/// Values by frame, or by frame and place, all 0 and without memory until one is added.
+#[derive(Debug, Clone, PartialEq, Default)]
+struct Varying<T>(Vec<T>);
+
+impl<T: Clone + Default> Varying<T> {
+    #[inline]
+    fn at(&self, index: usize) -> Option<&T> {
+        self.0.get(index)
+    }
+
+    /// One of `count` values, to be changed.
+    fn at_mut(&mut self, index: usize, count: usize) -> &mut T {
+        if self.0.is_empty() {
+            self.0 = vec![T::default(); count];
+        }
+        &mut self.0[index]
+    }
+
+    /// Whether a value was added.
+    fn is_any(&self) -> bool {
+        !self.0.is_empty()
+    }
+
+    /// The values of one of `places`, frame by frame.
+    fn of_place(&self, place: usize, places: usize) -> impl Iterator<Item = &T> {
+        self.0.iter().skip(place).step_by(places)
+    }
+}
+
 /// The difference between the nominal and the actual robot, camera, board and mirror. Zero is the nominal model.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Deformation {
@@ -11,12 +40,12 @@ pub(crate) struct Deformation {
     /// Added to the joint's commanded position, `[frame * nodes + node]`, rad or m.
     joint_delta: Vec<f64>,
     /// Rotation vector at the node's origin, in the node's frame, `[frame * nodes + node]`, rad. Empty where nothing bends.
-    bend: Vec<Vector3<f64>>,
+    bend: Varying<Vector3<f64>>,
     /// Rotation about the joint's origin before its motion, about the two directions of `tilt`, `[frame * nodes + node]`, rad. Empty
     /// where nothing rocks.
-    rock: Vec<Vector2<f64>>,
+    rock: Varying<Vector2<f64>>,
     /// Shift of the bent node in its own frame, `[frame * nodes + node]`, m. Empty where none is.
-    sag: Vec<Vector3<f64>>,
+    sag: Varying<Vector3<f64>>,
     /// `(tilt_1, tilt_2)` of each node's axis, rad.
     pub tilt: Vec<Vector2<f64>>,
     /// Shift of the origins of the joints that the node carries, in the node's frame, m. The last entry is the base's.
@@ -26,7 +55,7 @@ pub(crate) struct Deformation {
     /// Shift of each marker in the frame of its mount's link, m.
     pub marker_shift: Vec<Vector3<f64>>,
     /// Shift of a marker that varies, `[frame * markers + marker]`, m. Empty where none does.
-    varying_shift: Vec<Vector3<f64>>,
+    varying_shift: Varying<Vector3<f64>>,
     /// Rotation vector and shift of the real camera in the nominal optical frame, rad and m.
     pub camera_mount: Vector6<f64>,
     /// Rotation vector and shift of the real board in its nominal frame, rad and m.
@@ -43,16 +72,16 @@ pub(crate) struct Deformation {
     pub free_optics: FreeValues,
     /// The camera's additional mount error, by frame, on top of `camera_mount`; empty where it is constant. The
     /// same tangent.
-    camera_sway: Vec<Vector6<f64>>,
+    camera_sway: Varying<Vector6<f64>>,
     /// Of the board alone, by frame, after `board_mount`; empty where it never slips. The same tangent.
-    board_slip: Vec<Vector6<f64>>,
+    board_slip: Varying<Vector6<f64>>,
     /// Relative error of the focal lengths on top of `focal_scale_error`, by frame; empty where it is constant.
-    focal_wander: Vec<f64>,
+    focal_wander: Varying<f64>,
     /// Pose of the root in the unknown frame of `points.csv`: tangent on top of its start, rad and m.
     pub frame_pose: Vector6<f64>,
     /// How the root moves in the frame of the measured points, by frame, on top of `frame_pose`; empty where it stands still. The same
     /// tangent, in the frame in which points are measured.
-    frame_sway: Vec<Vector6<f64>>,
+    frame_sway: Varying<Vector6<f64>>,
 }
 
 impl Deformation {
@@ -60,14 +89,14 @@ impl Deformation {
         Self {
             nodes,
             joint_delta: vec![0.0; frames * nodes],
-            bend: Vec::new(),
-            rock: Vec::new(),
-            sag: Vec::new(),
+            bend: Varying::default(),
+            rock: Varying::default(),
+            sag: Varying::default(),
             tilt: vec![Vector2::zeros(); nodes],
             link_shift: vec![Vector3::zeros(); nodes + 1],
             origin_shift: vec![Vector3::zeros(); nodes],
             marker_shift: vec![Vector3::zeros(); markers],
-            varying_shift: Vec::new(),
+            varying_shift: Varying::default(),
             camera_mount: Vector6::zeros(),
             board_mount: Vector6::zeros(),
             focal_scale_error: 0.0,
@@ -78,11 +107,11 @@ impl Deformation {
             glass_thickness_m: 0.0,
             curvature_per_m: 0.0,
             free_optics: FreeValues::zeros(),
-            camera_sway: Vec::new(),
-            board_slip: Vec::new(),
-            focal_wander: Vec::new(),
+            camera_sway: Varying::default(),
+            board_slip: Varying::default(),
+            focal_wander: Varying::default(),
             frame_pose: Vector6::zeros(),
-            frame_sway: Vec::new(),
+            frame_sway: Varying::default(),
         }
     }
 
@@ -98,53 +127,42 @@ impl Deformation {
 
     #[inline]
     pub fn bend(&self, frame: usize, node: usize) -> Option<&Vector3<f64>> {
-        self.bend.get(frame * self.nodes + node)
+        self.bend.at(frame * self.nodes + node)
     }
 
     pub fn add_bend(&mut self, frame: usize, node: usize, omega: Vector3<f64>) {
-        if self.bend.is_empty() {
-            self.bend = vec![Vector3::zeros(); self.joint_delta.len()];
-        }
-        self.bend[frame * self.nodes + node] += omega;
+        *self.bend.at_mut(frame * self.nodes + node, self.joint_delta.len()) += omega;
     }
 
     #[inline]
     pub fn rock(&self, frame: usize, node: usize) -> Option<&Vector2<f64>> {
-        self.rock.get(frame * self.nodes + node)
+        self.rock.at(frame * self.nodes + node)
     }
 
     pub fn add_rock(&mut self, frame: usize, node: usize, axis: usize, value: f64) {
-        if self.rock.is_empty() {
-            self.rock = vec![Vector2::zeros(); self.joint_delta.len()];
-        }
-        self.rock[frame * self.nodes + node][axis] += value;
+        self.rock.at_mut(frame * self.nodes + node, self.joint_delta.len())[axis] += value;
     }
 
     #[inline]
     pub fn sag(&self, frame: usize, node: usize) -> Option<&Vector3<f64>> {
-        self.sag.get(frame * self.nodes + node)
+        self.sag.at(frame * self.nodes + node)
     }
 
     pub fn add_sag(&mut self, frame: usize, node: usize, shift: Vector3<f64>) {
-        if self.sag.is_empty() {
-            self.sag = vec![Vector3::zeros(); self.joint_delta.len()];
-        }
-        self.sag[frame * self.nodes + node] += shift;
+        *self.sag.at_mut(frame * self.nodes + node, self.joint_delta.len()) += shift;
     }
 
     /// Shift of a marker in a frame, m, in the frame of its mount's link.
     #[inline]
     pub fn marker_shift_in(&self, frame: usize, marker: usize) -> Vector3<f64> {
-        let varying = self.varying_shift.get(frame * self.marker_shift.len() + marker);
+        let varying = self.varying_shift.at(frame * self.marker_shift.len() + marker);
         self.marker_shift[marker] + varying.copied().unwrap_or_else(Vector3::zeros)
     }
 
     pub fn add_marker_shift(&mut self, frame: usize, marker: usize, axis: usize, value: f64) {
         let markers = self.marker_shift.len();
-        if self.varying_shift.is_empty() {
-            self.varying_shift = vec![Vector3::zeros(); self.frames() * markers];
-        }
-        self.varying_shift[frame * markers + marker][axis] += value;
+        let count = self.frames() * markers;
+        self.varying_shift.at_mut(frame * markers + marker, count)[axis] += value;
     }
 
     /// Whether any of these nodes is not where the nominal model has it.
@@ -154,9 +172,9 @@ impl Deformation {
                 || self.link_shift[n] != Vector3::zeros()
                 || self.origin_shift[n] != Vector3::zeros()
                 || self.joint_delta.iter().skip(n).step_by(self.nodes).any(|d| *d != 0.0)
-                || self.bend.iter().skip(n).step_by(self.nodes).any(|b| *b != Vector3::zeros())
-                || self.rock.iter().skip(n).step_by(self.nodes).any(|b| *b != Vector2::zeros())
-                || self.sag.iter().skip(n).step_by(self.nodes).any(|s| *s != Vector3::zeros())
+                || self.bend.of_place(n, self.nodes).any(|b| *b != Vector3::zeros())
+                || self.rock.of_place(n, self.nodes).any(|b| *b != Vector2::zeros())
+                || self.sag.of_place(n, self.nodes).any(|s| *s != Vector3::zeros())
         })
     }
 
@@ -187,64 +205,56 @@ impl Deformation {
 
     /// Whether the camera is not the same in all frames.
     pub fn eye_varies(&self) -> bool {
-        !self.camera_sway.is_empty() || !self.focal_wander.is_empty()
+        self.camera_sway.is_any() || self.focal_wander.is_any()
     }
 
     /// The camera's mount in a frame: rotation vector and shift in the nominal optical frame, rad and m.
     pub fn camera_mount_in(&self, frame: usize) -> Vector6<f64> {
-        self.camera_mount + self.camera_sway.get(frame).copied().unwrap_or_else(Vector6::zeros)
+        self.camera_mount + self.camera_sway.at(frame).copied().unwrap_or_else(Vector6::zeros)
     }
 
     /// Relative error of the focal lengths in a frame.
     pub fn focal_scale_error_in(&self, frame: usize) -> f64 {
-        self.focal_scale_error + self.focal_wander.get(frame).copied().unwrap_or(0.0)
+        self.focal_scale_error + self.focal_wander.at(frame).copied().unwrap_or(0.0)
     }
 
     pub fn add_camera_sway(&mut self, frame: usize, k: usize, value: f64) {
-        if self.camera_sway.is_empty() {
-            self.camera_sway = vec![Vector6::zeros(); self.frames()];
-        }
-        self.camera_sway[frame][k] += value;
+        let frames = self.frames();
+        self.camera_sway.at_mut(frame, frames)[k] += value;
     }
 
     /// How the board has slipped on its mount in a frame: rotation vector and shift in the mounted board's frame, rad and m; none
     /// where it has not.
     #[inline]
     pub fn board_slip(&self, frame: usize) -> Option<Vector6<f64>> {
-        self.board_slip.get(frame).copied().filter(|slip| *slip != Vector6::zeros())
+        self.board_slip.at(frame).copied().filter(|slip| *slip != Vector6::zeros())
     }
 
     /// Whether the board slips in any frame.
     pub fn board_slips(&self) -> bool {
-        !self.board_slip.is_empty()
+        self.board_slip.is_any()
     }
 
     pub fn add_board_slip(&mut self, frame: usize, k: usize, value: f64) {
-        if self.board_slip.is_empty() {
-            self.board_slip = vec![Vector6::zeros(); self.frames()];
-        }
-        self.board_slip[frame][k] += value;
+        let frames = self.frames();
+        self.board_slip.at_mut(frame, frames)[k] += value;
     }
 
     /// The pose of the measured points' link in their frame, as a tangent: rad and m; none where it is the nominal one.
     pub fn frame_pose_in(&self, frame: usize) -> Option<Vector6<f64>> {
-        let sway = self.frame_sway.get(frame).copied();
+        let sway = self.frame_sway.at(frame).copied();
         let pose = self.frame_pose + sway.unwrap_or_else(Vector6::zeros);
         (sway.is_some() || pose != Vector6::zeros()).then_some(pose)
     }
 
     pub fn add_frame_sway(&mut self, frame: usize, k: usize, value: f64) {
-        if self.frame_sway.is_empty() {
-            self.frame_sway = vec![Vector6::zeros(); self.frames()];
-        }
-        self.frame_sway[frame][k] += value;
+        let frames = self.frames();
+        self.frame_sway.at_mut(frame, frames)[k] += value;
     }
 
     pub fn add_focal_wander(&mut self, frame: usize, value: f64) {
-        if self.focal_wander.is_empty() {
-            self.focal_wander = vec![0.0; self.frames()];
-        }
-        self.focal_wander[frame] += value;
+        let frames = self.frames();
+        *self.focal_wander.at_mut(frame, frames) += value;
     }
 
     fn frames(&self) -> usize {

@@ -317,103 +317,46 @@ impl Column {
     }
 
     /// Adds `value` of this column to a deformation: exact for every effect that is linear in its parameters.
-    pub fn add(&self, value: f64, scene: &Scene, deformation: &mut Deformation) {
+    pub fn add(&self, value: f64, scene: &Scene, to: &mut Deformation) {
+        let by_frame = |add: &mut dyn FnMut(usize, f64)| {
+            (0..scene.frames).for_each(|f| add(f, value * self.weight.at(scene, f)));
+        };
+        let constant = self.weight == Weight::One;
         match self.atom {
-            Atom::Joint(n) => {
-                for f in 0..scene.frames {
-                    deformation.add_joint_delta(f, n, value * self.weight.at(scene, f));
-                }
-            }
-            Atom::Bend(n) => {
-                for f in 0..scene.frames {
-                    deformation.add_bend(
-                        f,
-                        n,
-                        transverse_moment(scene, f, n) * (value * self.weight.at(scene, f)),
-                    );
-                }
-            }
-            Atom::Beam(n) => {
-                for f in 0..scene.frames {
-                    let load = transverse_load(scene, f, n);
-                    let by = value * self.weight.at(scene, f);
-                    deformation.add_bend(f, n, load.moment * by);
-                    deformation.add_sag(f, n, load.sag * by);
-                }
-            }
-            Atom::Turn(n, k) => {
-                for f in 0..scene.frames {
-                    let omega = Vector3::ith(k, value * self.weight.at(scene, f));
-                    deformation.add_bend(f, n, omega);
-                }
-            }
+            Atom::Joint(n) => by_frame(&mut |f, v| to.add_joint_delta(f, n, v)),
+            Atom::Bend(n) => by_frame(&mut |f, v| to.add_bend(f, n, transverse_moment(scene, f, n) * v)),
+            Atom::Beam(n) => by_frame(&mut |f, v| {
+                let load = transverse_load(scene, f, n);
+                to.add_bend(f, n, load.moment * v);
+                to.add_sag(f, n, load.sag * v);
+            }),
+            Atom::Turn(n, k) => by_frame(&mut |f, v| to.add_bend(f, n, Vector3::ith(k, v))),
             Atom::Across(n, k) => {
                 let direction = scene.body.nodes[n].tilt_directions[k];
-                for f in 0..scene.frames {
-                    deformation.add_bend(f, n, direction * (value * self.weight.at(scene, f)));
-                }
+                by_frame(&mut |f, v| to.add_bend(f, n, direction * v));
             }
-            Atom::Rock(n, k) => {
-                for f in 0..scene.frames {
-                    deformation.add_rock(f, n, k, value * self.weight.at(scene, f));
-                }
-            }
-            Atom::Sag(n, k) => {
-                for f in 0..scene.frames {
-                    deformation.add_sag(f, n, Vector3::ith(k, value * self.weight.at(scene, f)));
-                }
-            }
-            Atom::Tilt(n, k) => deformation.tilt[n][k] += value,
-            Atom::OriginShift(n, k) => deformation.origin_shift[n][k] += value,
-            Atom::LinkShift(n, k) => {
-                let at = n.unwrap_or(scene.nodes());
-                deformation.link_shift[at][k] += value;
-            }
-            Atom::MarkerShift(m, k) => match &self.weight {
-                Weight::One => deformation.marker_shift[m][k] += value,
-                weight => {
-                    for f in 0..scene.frames {
-                        deformation.add_marker_shift(f, m, k, value * weight.at(scene, f));
-                    }
-                }
-            },
-            Atom::CameraMount(k) => match &self.weight {
-                Weight::One => deformation.camera_mount[k] += value,
-                weight => {
-                    for f in 0..scene.frames {
-                        deformation.add_camera_sway(f, k, value * weight.at(scene, f));
-                    }
-                }
-            },
-            Atom::BoardMount(k) => deformation.board_mount[k] += value,
-            Atom::BoardSlip(k) => {
-                for f in 0..scene.frames {
-                    deformation.add_board_slip(f, k, value * self.weight.at(scene, f));
-                }
-            }
-            Atom::Focal => match &self.weight {
-                Weight::One => deformation.focal_scale_error += value,
-                weight => {
-                    for f in 0..scene.frames {
-                        deformation.add_focal_wander(f, value * weight.at(scene, f));
-                    }
-                }
-            },
-            Atom::Center(k) => deformation.center_px += Vector2::ith(k, value),
-            Atom::MarkerImage(k, by) => deformation.marker_image[(k, by)] += value,
-            Atom::Dk1 => deformation.dk1 += value,
-            Atom::BoardScale => deformation.board_scale_error += value,
-            Atom::Glass => deformation.glass_thickness_m += value,
-            Atom::Curvature => deformation.curvature_per_m += value,
-            Atom::FreeOptics(k) => deformation.free_optics[k] += value,
-            Atom::FramePose(k) => match &self.weight {
-                Weight::One => deformation.frame_pose[k] += value,
-                weight => {
-                    for f in 0..scene.frames {
-                        deformation.add_frame_sway(f, k, value * weight.at(scene, f));
-                    }
-                }
-            },
+            Atom::Rock(n, k) => by_frame(&mut |f, v| to.add_rock(f, n, k, v)),
+            Atom::Sag(n, k) => by_frame(&mut |f, v| to.add_sag(f, n, Vector3::ith(k, v))),
+            Atom::Tilt(n, k) => to.tilt[n][k] += value,
+            Atom::OriginShift(n, k) => to.origin_shift[n][k] += value,
+            Atom::LinkShift(n, k) => to.link_shift[n.unwrap_or(scene.nodes())][k] += value,
+            Atom::MarkerShift(m, k) if constant => to.marker_shift[m][k] += value,
+            Atom::MarkerShift(m, k) => by_frame(&mut |f, v| to.add_marker_shift(f, m, k, v)),
+            Atom::CameraMount(k) if constant => to.camera_mount[k] += value,
+            Atom::CameraMount(k) => by_frame(&mut |f, v| to.add_camera_sway(f, k, v)),
+            Atom::BoardMount(k) => to.board_mount[k] += value,
+            Atom::BoardSlip(k) => by_frame(&mut |f, v| to.add_board_slip(f, k, v)),
+            Atom::Focal if constant => to.focal_scale_error += value,
+            Atom::Focal => by_frame(&mut |f, v| to.add_focal_wander(f, v)),
+            Atom::Center(k) => to.center_px += Vector2::ith(k, value),
+            Atom::MarkerImage(k, by) => to.marker_image[(k, by)] += value,
+            Atom::Dk1 => to.dk1 += value,
+            Atom::BoardScale => to.board_scale_error += value,
+            Atom::Glass => to.glass_thickness_m += value,
+            Atom::Curvature => to.curvature_per_m += value,
+            Atom::FreeOptics(k) => to.free_optics[k] += value,
+            Atom::FramePose(k) if constant => to.frame_pose[k] += value,
+            Atom::FramePose(k) => by_frame(&mut |f, v| to.add_frame_sway(f, k, v)),
         }
     }
 }

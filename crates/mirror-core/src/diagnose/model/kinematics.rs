@@ -124,7 +124,8 @@ pub(crate) struct Loads<'a> {
 }
 
 /// What bends a link as a uniform beam of length L, clamped at its joint, in the node's frame. With the compliance c of the whole link
-/// its end turns by `c · moment`, and lies `c · sag` beyond where a turn about its middle takes it.
+/// its end turns by `c · moment`, and lies `c · sag` beyond where a turn about its middle takes it. Of a telescope the length varies, and it
+/// has an effect of its own: here it is a hinge.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub(crate) struct BeamLoad {
     /// Of what it carries, the moment about the middle, `m₁`; of its own mass m at a distance a from the joint, spread around there, a third
@@ -195,6 +196,10 @@ pub(crate) fn loads(
             if holds_root { (0.0, Vector3::zeros()) } else { (own.mass, own.mass_moment) };
         let down = pose.r.tr_mul(&gravity);
         let lumped = (own_first - to_middle * own_mass).cross(&down);
+        if own.column().is_some() {
+            beam[n] = BeamLoad { moment: moment[n], sag: Vector3::zeros() };
+            continue;
+        }
         beam[n] = BeamLoad {
             moment: moment[n] - lumped + own_first.cross(&down) / 3.0,
             sag: down * (sign * (m - own_mass) / 12.0 + own_mass / 24.0) * (4.0 * to_middle.norm_squared()),

@@ -28,6 +28,7 @@ pub(crate) struct Scene {
     pub torque: Vec<f64>,
     /// Moment of gravity of all that the node carries, about the middle of its link, in its frame, N m.
     pub moment: Vec<Vector3<f64>>,
+    /// What bends each node's link as a beam.
     pub beam: Vec<BeamLoad>,
     /// Moment of gravity of the whole robot about the root's origin, in its frame, N m, in each frame.
     pub base_moment: Vec<Vector3<f64>>,

@@ -81,6 +81,25 @@ pub(crate) fn find(problem: &Problem, noise: Noise) -> Result<Option<Slip>> {
     Ok(best.filter(|b| !nearly_all(b)))
 }
 
+/// How far rows are from their own postures, at the scatter of some of them.
+struct Usual {
+    scatter: Noise,
+    /// Of each row, where it shows something.
+    own: Vec<Option<f64>>,
+    /// The median of the rows that make the scatter.
+    cost: f64,
+}
+
+impl Usual {
+    fn of(problem: &Problem, outside: &[bool]) -> Result<Self> {
+        let scatter = effective(problem, &problem.nominal(), problem.noise, Some(outside))?;
+        let own = costs(problem, Problem::nominal, scatter, 0)?;
+        let cost =
+            median(own.iter().zip(outside).filter(|(_, out)| **out).filter_map(|(cost, _)| *cost).collect());
+        Ok(Self { scatter, own, cost })
+    }
+}
+
 /// A run with the rows beside it whose positions are in no row. Where a run of the log contains the positions of k rows
 /// later, the measurement of row i fits row i − k, and the positions of the run's own first k rows are overwritten; where
 /// it contains those of k rows before, its last k rows'. They count as slipped where they are far from their own posture
@@ -98,10 +117,7 @@ pub(crate) fn with_overwritten_rows(problem: &Problem, mut slip: Slip) -> Result
     };
     let in_run = slip.first..=slip.last;
     let outside: Vec<bool> = (0..frames).map(|f| !in_run.contains(&f) && !beside.contains(&f)).collect();
-    let scatter = effective(problem, &problem.nominal(), problem.noise, Some(&outside))?;
-    let own = costs(problem, Problem::nominal, scatter, 0)?;
-    let usual =
-        median(own.iter().zip(&outside).filter(|(_, out)| **out).filter_map(|(cost, _)| *cost).collect());
+    let Usual { own, cost: usual, .. } = Usual::of(problem, &outside)?;
     let is_far = |f: &usize| own[*f].is_some_and(|cost| cost > usual + 2.0 * BEYOND_DOUBT);
     if before {
         slip.first -= beside.rev().take_while(is_far).count();
@@ -126,12 +142,10 @@ pub(crate) fn accounts_for(problem: &Problem, run: Range<usize>) -> Result<bool>
     }
     let outside: Vec<bool> =
         (0..problem.frames.len()).map(|f| !run.contains(&f) && !slipped.contains(&f)).collect();
-    let scatter = effective(problem, &problem.nominal(), problem.noise, Some(&outside))?;
-    let own = costs(problem, Problem::nominal, scatter, 0)?;
-    let other = costs(problem, Problem::nominal, scatter, slip.shift)?;
-    let usual = median(own.iter().zip(&outside).filter_map(|(c, out)| c.filter(|_| *out)).collect());
+    let usual = Usual::of(problem, &outside)?;
+    let other = costs(problem, Problem::nominal, usual.scatter, slip.shift)?;
     let there = median(other[slipped].iter().flatten().copied().collect());
-    Ok(there < usual + 2.0 * BEYOND_DOUBT)
+    Ok(there < usual.cost + 2.0 * BEYOND_DOUBT)
 }
 
 /// Whether a run of slipped rows is still slipped given the causes found: with a wrong scale the neighbours of a

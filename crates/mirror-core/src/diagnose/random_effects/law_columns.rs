@@ -34,9 +34,7 @@ pub(crate) fn law_columns(scene: &Scene, place: Place, freedom: LawFreedom) -> V
         .collect();
     if let (LawFreedom::Moment, Place::Link(Some(n))) = (freedom, place) {
         columns.extend(beyond_linear(scene, n));
-        if scene.body.nodes[n].column().is_none() {
-            columns.extend(as_a_beam(scene, n));
-        }
+        columns.extend(as_a_beam(scene, n));
     }
     if let (LawFreedom::Extension, Place::Link(Some(n))) = (freedom, place) {
         columns.extend(column_law(scene, n));

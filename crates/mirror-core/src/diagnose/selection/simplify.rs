@@ -23,12 +23,17 @@ pub(crate) fn gaps(
     nominal: &Model,
     found: &Found,
 ) -> Result<(Vec<PostureGap>, Vec<PostureGap>)> {
-    let none = Group::default();
+    Ok((nominal_gap(search, nominal)?, search.held_out(&found.fit.model, found.noise)?))
+}
+
+/// The held-out gap of the nominal model: what the session states as unknown is fitted.
+///
+/// # Errors
+/// Invalid parameters of the camera or mirror.
+pub(crate) fn nominal_gap(search: &Search<'_>, nominal: &Model) -> Result<Vec<PostureGap>> {
     let scatter = search.effective(nominal)?;
-    let measured = search.detector_noise();
-    let before = held_out(&search.problem, search.catalogue, &none, nominal, scatter, measured, false)?;
-    let after = search.held_out(&found.fit.model, found.noise)?;
-    Ok((before, after))
+    let (none, measured) = (Group::default(), search.detector_noise());
+    held_out(&search.problem, search.catalogue, &none, nominal, scatter, measured, false)
 }
 
 /// Replaces a degenerate effect by its simpler equivalent: stiction without a dead band is compliance.

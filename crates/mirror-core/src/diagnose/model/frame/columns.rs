@@ -226,7 +226,7 @@ impl FrameWork {
                 let in_link = self.measured_from.inverse_point(&row.point);
                 let axis = Vector3::ith(k % 3, 1.0);
                 let velocity = if k < 3 { axis.cross(&in_link) } else { axis };
-                Some(self.unknown.map_or(velocity, |unknown| unknown.r * velocity) * row.scale)
+                Some(self.points_from_link.map_or(velocity, |pose| pose.r * velocity) * row.scale)
             }
             Atom::FreeOptics(k) => {
                 let column = self.free.get(row.free?)?.column(k);

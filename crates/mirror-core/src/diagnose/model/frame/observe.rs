@@ -273,9 +273,9 @@ impl FrameWork {
         let point = self.marker_mount_pose(problem, task, marker).t;
         let mut in_observer = observer.inverse_point(&point);
         let mut observed_from_world = observer.r.transpose();
-        if let Some(unknown) = &self.unknown {
-            in_observer = unknown.point(&in_observer);
-            observed_from_world = unknown.r * observed_from_world;
+        if let Some(pose) = &self.points_from_link {
+            in_observer = pose.point(&in_observer);
+            observed_from_world = pose.r * observed_from_world;
         }
         let std = task.noise.point_m;
         let r = (position - in_observer) / std;

@@ -65,7 +65,7 @@ pub(crate) struct FrameWork {
     /// The link in whose frame points are measured.
     pub(super) measured_from: Pose,
     /// Its pose in their frame; none where it is the identity.
-    pub(super) unknown: Option<Pose>,
+    pub(super) points_from_link: Option<Pose>,
     pub residual: Vec<f64>,
     /// The rows by the optics, whitened.
     pub(super) optics: Vec<OpticsColumns>,
@@ -156,7 +156,7 @@ impl FrameWork {
             board_excess: 0.0,
             board_square: (0.0, 0),
             measured_from: Pose::identity(),
-            unknown: None,
+            points_from_link: None,
             board_moved: None,
             board_slip: None,
             residual: Vec::new(),
@@ -268,7 +268,7 @@ impl FrameWork {
         self.pose(problem, task.deformation, frame);
         let away = task.deformation.frame_pose_in(frame);
         let start = problem.unknown_frame.or(away.map(|_| Pose::identity()));
-        self.unknown = start.map(|start| away.map_or(start, |tangent| moved(&start, &tangent)));
+        self.points_from_link = start.map(|start| away.map_or(start, |tangent| moved(&start, &tangent)));
         let data = &problem.frames[frame];
         let nominal_board = problem.boards.get(frame).copied().flatten();
         let mut board = None;
