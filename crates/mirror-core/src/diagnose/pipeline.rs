@@ -182,7 +182,8 @@ pub(crate) fn diagnose(
     };
     let (deformation, too_large) = findings.known();
     let anew = chosen_anew(&findings, &ranking)?;
-    let checked = others.iter().map(|other| check(&findings, other)).collect::<Result<Vec<_>>>()?;
+    let checked =
+        others.iter().map(|other| check(&findings, &prepared, other)).collect::<Result<Vec<_>>>()?;
     let (its_robot, its_recording) = (prepared.robot(robot), prepared.recording(recording));
     let mut diagnosis = build::diagnosis(&mut findings, its_robot, its_recording, &ranking, checked)?;
     diagnosis.gap.chosen_anew = anew;

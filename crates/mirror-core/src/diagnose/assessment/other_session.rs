@@ -9,54 +9,65 @@ use crate::diagnose::effects::vocabulary;
 use crate::diagnose::likelihood::fit::{FitOptions, Group, fit};
 use crate::diagnose::likelihood::noise;
 use crate::diagnose::likelihood::saturated::free_markers;
+use crate::diagnose::model::elementary::{Column, Weight};
 use crate::diagnose::model::problem::Problem;
 use crate::diagnose::prepare::options::OtherSession;
+use crate::diagnose::prepare::prepared::Prepared;
 use crate::error::Result;
 use std::sync::Arc;
 
-/// Predicts another session with the causes as they were found; only its own nuisances are fitted.
-pub(crate) fn check(findings: &Findings<'_>, other: &OtherSession) -> Result<Checked> {
+/// Predicts another session with the causes as they were found; only its own nuisances are fitted. Mistakes of model and log that it
+/// shares are undone for the gap after.
+pub(crate) fn check(findings: &Findings<'_>, prepared: &Prepared, other: &OtherSession) -> Result<Checked> {
     let recording = other.recording.clone().validated(other.robot.position_count())?;
-    let mut problem = Problem::new(&other.robot, &recording)?;
+    let given = Problem::new(&other.robot, &recording)?;
+    let mut problem = prepared.in_another_session(&other.robot, &recording)?;
     problem.cancel = findings.search.problem.cancel.clone();
-    let nominal_deformation = problem.nominal();
-    problem.noise = noise::estimate(&problem, &nominal_deformation, problem.noise)?;
+    problem.noise = noise::estimate(&problem, &problem.nominal(), problem.noise)?;
+    let given = Problem { cancel: problem.cancel.clone(), noise: problem.noise, ..given };
     let here = &findings.search;
     let mut effects = vocabulary();
     effects.extend(own_effects(&other.own, &problem.scene)?);
     let catalogue = Catalogue::new(&problem.scene, effects.into_iter().map(Arc::from).collect(), &[]);
-    let mut model = Model::nominal(&problem);
-    model.frozen = true;
-    let none = Group::default();
-    let measure = |problem: &Problem, model: &Model, group: &Group| -> Result<Option<f64>> {
-        let mut model = model.clone();
-        let mut problem = problem.clone();
-        for _ in 0..2 {
-            let deformation = model.deformation(&problem, &catalogue, &group.columns);
-            problem.scene.update_loads(&deformation);
-            let scatter = noise::effective(&problem, &deformation, problem.noise, None)?;
-            model = fit(&problem, &catalogue, group, &model, FitOptions { noise: scatter, steps: 6 }, None)?
-                .model;
-        }
-        let deformation = model.deformation(&problem, &catalogue, &group.columns);
-        let postures = free_markers(&problem, &deformation, problem.noise, true, None)?;
-        let (sum, count) = postures
-            .iter()
-            .flat_map(|p| &p.markers)
-            .fold((0.0, 0.0), |(s, c), m| (s + m.displacement.norm_squared(), c + 1.0));
-        Ok((count > 0.0).then(|| (sum / count).sqrt()))
-    };
-    let before_m = measure(&problem, &model, &none)?;
-    model.terms = findings
-        .found
-        .fit
-        .model
-        .causes_in((here.catalogue, &here.problem.scene), (&catalogue, &problem.scene));
-    let group =
-        if here.group.columns.iter().all(|c| problem.has_atom(c.atom)) { here.group.clone() } else { none };
-    if group.columns.len() == findings.found.fit.model.group.len() {
-        model.group.clone_from(&findings.found.fit.model.group);
-    }
-    let after_m = measure(&problem, &model, &group)?;
+    let nominal = Model { frozen: true, ..Model::nominal(&given) };
+    let before_m = gap_m(&given, &catalogue, &nominal, &Group::default())?;
+    let found = &findings.found.fit.model;
+    let terms = found.causes_in((here.catalogue, &here.problem.scene), (&catalogue, &problem.scene));
+    let (group, values) = constant_part(findings, &problem);
+    let model = Model { frozen: true, terms, group: values, ..Model::nominal(&problem) };
+    let after_m = gap_m(&problem, &catalogue, &model, &group)?;
     Ok(Checked { session: other.name.clone(), before_m, after_m })
+}
+
+/// What is found besides causes and is the same in any session, as a group with its values: small errors, and by what a mistake's
+/// number is still off. What varies by this session's frames is not.
+fn constant_part(findings: &Findings<'_>, other: &Problem) -> (Group, Vec<f64>) {
+    let (here, model) = (&findings.search, &findings.found.fit.model);
+    let mistakes = &here.problem.mistake_parameters;
+    let of_mistakes = mistakes.iter().map(|of| &of.column);
+    let first = model.nuisances.len().saturating_sub(mistakes.len());
+    let all = of_mistakes.zip(&model.nuisances[first..]).chain(here.group.columns.iter().zip(&model.group));
+    let lasts = |column: &Column| other.has_atom(column.atom) && !matches!(column.weight, Weight::Frames(_));
+    let kept = all.filter(|(column, _)| lasts(column));
+    let (columns, values): (Vec<Column>, Vec<f64>) =
+        kept.map(|(column, value)| (column.clone(), *value)).unzip();
+    let prior_std = vec![1.0; columns.len()];
+    (Group { columns, prior_std, positive: Vec::new() }, values)
+}
+
+/// The root mean square displacement of the markers by a model of which only the nuisances are fitted, m; none where none is seen.
+fn gap_m(problem: &Problem, catalogue: &Catalogue, model: &Model, group: &Group) -> Result<Option<f64>> {
+    let (mut problem, mut model) = (problem.clone(), model.clone());
+    for _ in 0..2 {
+        let deformation = model.deformation(&problem, catalogue, &group.columns);
+        problem.scene.update_loads(&deformation);
+        let scatter = noise::effective(&problem, &deformation, problem.noise, None)?;
+        let options = FitOptions { noise: scatter, steps: 6 };
+        model = fit(&problem, catalogue, group, &model, options, None)?.model;
+    }
+    let deformation = model.deformation(&problem, catalogue, &group.columns);
+    let postures = free_markers(&problem, &deformation, problem.noise, true, None)?;
+    let seen = postures.iter().flat_map(|p| &p.markers);
+    let (sum, count) = seen.fold((0.0, 0.0), |(s, c), m| (s + m.displacement.norm_squared(), c + 1.0));
+    Ok((count > 0.0).then(|| (sum / count).sqrt()))
 }

@@ -3,6 +3,7 @@
 
 use crate::diagnose::assessment::evidence;
 use crate::diagnose::assessment::findings::Findings;
+use crate::diagnose::assessment::left_out_together::{LeftOutTogether, left_out_together};
 use crate::diagnose::criteria::cross_validation::{in_sample, seen_size};
 use crate::diagnose::criteria::lack_of_fit::adequacy;
 use crate::diagnose::data::diagnosis::{Cause, Data, Diagnosis, Gap, LeftOut, Verdict, Where};
@@ -197,10 +198,35 @@ fn far(gap: Option<f64>, floor: Option<f64>, points: usize) -> bool {
     matches!((gap, floor), (Some(gap), Some(floor)) if gap > most * floor)
 }
 
-/// Whether a cause is told of a joint.
-fn names_joint(diagnosis: &Diagnosis, joint: &str) -> bool {
-    let at = format!("joint:{joint}");
-    diagnosis.causes.iter().any(|c| c.at.split("<-").next() == Some(&at))
+/// Whether a place is a joint of which a cause is told.
+fn names_joint(diagnosis: &Diagnosis, at: &str) -> bool {
+    at.starts_with("joint:") && diagnosis.causes.iter().any(|c| c.at.split("<-").next() == Some(at))
+}
+
+/// Tells a law of what was left out as false: nothing is in order then, and nothing is explained by causes elsewhere. Where a
+/// cause is told of this joint, these rows may be the rest of what it does.
+fn tell_left_out(diagnosis: &mut Diagnosis, place: Where, told: String) {
+    match diagnosis.verdict {
+        Verdict::None => {
+            let at = &place.at;
+            diagnosis.sentence = format!(
+                "Something without a name lives at {at}: {told}; the rest agrees with the nominal model."
+            );
+            diagnosis.verdict = Verdict::Unknown;
+            diagnosis.r#where = vec![place];
+        }
+        _ if names_joint(diagnosis, &place.at) => {}
+        Verdict::Explained => {
+            diagnosis.sentence += &format!(" But {told}.");
+            diagnosis.verdict = Verdict::Partial;
+            // What was left out has no part in the gap.
+            match diagnosis.r#where.iter_mut().find(|own| own.at == place.at) {
+                Some(own) => own.depends_on = own.depends_on.take().or(place.depends_on),
+                None => diagnosis.r#where.push(Where { share: 0.0, ..place }),
+            }
+        }
+        _ => diagnosis.warnings.push(told),
+    }
 }
 
 /// Whether the causes predict regions that were held out clearly worse than the nominal model does.
@@ -239,24 +265,15 @@ pub(crate) fn reserve(diagnosis: &mut Diagnosis, findings: &Findings<'_>) {
         diagnosis.sentence = evidence::what_is_false(&diagnosis.data);
         diagnosis.verdict = Verdict::Unknown;
     }
-    if let Some((joint, told)) = evidence::what_is_elsewhere(&diagnosis.data, &findings.search.problem) {
-        match diagnosis.verdict {
-            Verdict::None => {
-                diagnosis.sentence = format!(
-                    "Something without a name lives at joint:{joint}: {told}; the rest agrees with the nominal model."
-                );
-                diagnosis.verdict = Verdict::Unknown;
-                let depends_on = Some("row".into());
-                diagnosis.r#where = vec![Where { at: format!("joint:{joint}"), share: 1.0, depends_on }];
-            }
-            // Where a cause is told of this joint, these rows may be the rest of what it does.
-            _ if names_joint(diagnosis, &joint) => {}
-            Verdict::Explained => {
-                diagnosis.sentence += &format!(" But {told}.");
-                diagnosis.verdict = Verdict::Partial;
-            }
-            _ => diagnosis.warnings.push(told),
-        }
+    let problem = &findings.search.problem;
+    if let Some((joint, told)) = evidence::what_is_elsewhere(&diagnosis.data, problem) {
+        let at = format!("joint:{joint}");
+        tell_left_out(diagnosis, Where { at, share: 1.0, depends_on: Some("row".into()) }, told);
+    } else if let Some(LeftOutTogether { marker, depends_on, told }) =
+        left_out_together(&diagnosis.data, problem)
+    {
+        let at = format!("marker:{marker}");
+        tell_left_out(diagnosis, Where { at, share: 1.0, depends_on: Some(depends_on) }, told);
     }
     if let (Verdict::None, Some(told)) = (diagnosis.verdict, evidence::rows_elsewhere(&diagnosis.data)) {
         diagnosis.sentence += &format!(" But {told}.");

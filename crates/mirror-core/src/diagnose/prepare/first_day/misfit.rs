@@ -9,6 +9,7 @@ use super::placed::{Placed, PointSeen};
 use super::variant::Variant;
 use crate::diagnose::data::recording::Via;
 use crate::diagnose::effects::hypothesis::UNKNOWN_STD;
+use crate::diagnose::model::body::Site;
 use crate::diagnose::model::camera_and_mirror::Eye;
 use crate::diagnose::model::deformation::Deformation;
 use crate::diagnose::model::frame::FrameWork;
@@ -243,7 +244,7 @@ impl<'a> Misfit<'a> {
         mut with: impl FnMut(usize, f64),
     ) {
         let problem = self.problem;
-        let (camera_from_world, board) = self.pose(work, variant, frame);
+        let (camera_from_world, board) = self.pose_sites(work, variant, frame);
         let foot = board.map(|board| board.foot);
         if self.with_boards && !problem.frames[frame].corners.is_empty() {
             with(problem.marker_sites.len(), board.map_or(UNKNOWN_STD, |board| board.size_m));
@@ -279,7 +280,7 @@ impl<'a> Misfit<'a> {
         }
     }
 
-    /// Poses a frame: afterwards the nodes' poses are in `work`; returns the world in the camera's frame, and the mirror as the board shows it.
+    /// Poses a frame: afterwards all nodes' poses are in `work`; returns the world in the camera's frame, and the mirror as the board shows it.
     pub fn pose(
         &self,
         work: &mut Work,
@@ -290,7 +291,29 @@ impl<'a> Misfit<'a> {
         let board = self.board(work, variant, frame);
         variant.nodes(&self.problem.scene.body, frame, &mut work.positions);
         work.frame.pose_as(self.problem, &self.known, frame, &work.positions);
-        (self.eye.as_ref().map(|eye| work.frame.camera_from_world(self.problem, eye)), board)
+        (self.camera_from_world(work), board)
+    }
+
+    /// As [`Misfit::pose`], only the nodes that the variant's markers and the session's other sites ride on.
+    fn pose_sites(
+        &self,
+        work: &mut Work,
+        variant: &Variant,
+        frame: usize,
+    ) -> (Option<Pose>, Option<SeenBoard>) {
+        let problem = self.problem;
+        let in_place = |(site, own): (&Site, &Site)| site.node == own.node;
+        if !variant.sites.iter().zip(&problem.marker_sites).all(in_place) {
+            return self.pose(work, variant, frame);
+        }
+        let board = self.board(work, variant, frame);
+        variant.nodes(&problem.scene.body, frame, &mut work.positions);
+        work.frame.pose_sites_as(problem, &self.known, frame, &work.positions);
+        (self.camera_from_world(work), board)
+    }
+
+    fn camera_from_world(&self, work: &Work) -> Option<Pose> {
+        self.eye.as_ref().map(|eye| work.frame.camera_from_world(self.problem, eye))
     }
 
     /// Where a marker is, in the world, in the frame that was posed last.
@@ -374,7 +397,7 @@ impl<'a> Misfit<'a> {
         let mut work = self.work();
         let mut out = Vec::new();
         for &frame in frames {
-            self.pose(&mut work, variant, frame);
+            self.pose_sites(&mut work, variant, frame);
             for observation in &self.problem.frames[frame].others {
                 if let Observation::Point { marker, position } = observation {
                     out.push(self.point(&work.frame, variant, frame, *marker, *position));

@@ -6,18 +6,15 @@
 //! each joint is tested alone: whether another position would correct the frame (a sign, a digit).
 
 use super::misfit::Misfit;
-use super::variant::{Variant, seen_joints};
+use super::other_position::OtherPositions;
+use super::variant::Variant;
 use super::verify::Tolerant;
 use crate::diagnose::data::diagnosis::LeftOut;
 use crate::diagnose::data::recording::{Frame, Recording, Target, Via};
-use crate::diagnose::model::body::NodeId;
 use crate::diagnose::model::deformation::Deformation;
-use crate::diagnose::model::elementary::{Atom, moves_against};
 use crate::diagnose::model::frame::{FrameWork, Task};
 use crate::diagnose::model::problem::{Noise, Observation, Problem, Seen};
-use crate::diagnose::principles::{
-    FAR_DEVIATIONS, Grid, MAJORITY, NEARLY_ALL, Prior, SURE_DEVIATIONS, Threshold,
-};
+use crate::diagnose::principles::{FAR_DEVIATIONS, MAJORITY, NEARLY_ALL, Prior, Threshold};
 use crate::error::Result;
 use nalgebra::Vector3;
 use std::collections::{BTreeMap, BTreeSet};
@@ -26,8 +23,6 @@ use std::collections::{BTreeMap, BTreeSet};
 const MOST_OF_ONE: Threshold = 0.15;
 /// A noise increased by this factor leaves every observation some weight.
 const WIDE: Prior = 300.0;
-/// Step of the positions that are tried, rad, up to half a turn both ways.
-const POSITION_STEP: Grid = 0.02;
 
 /// False observations of a frame: by index among its arranged ones, and as they are listed.
 #[derive(Clone)]
@@ -49,7 +44,8 @@ pub(super) fn find(
 ) -> Result<Vec<False>> {
     let misfit = Misfit::new(problem)?;
     let all: Vec<usize> = (0..problem.frames.len()).collect();
-    let distances = misfit.distances(&Variant::of(recording, problem), &all);
+    let recorded = Variant::of(recording, problem);
+    let distances = misfit.distances(&recorded, &all);
     let mut sizes: Vec<f64> = distances.iter().map(|d| d.size_m).collect();
     sizes.sort_by(f64::total_cmp);
     let Some(median) = sizes.get(sizes.len() / 2).copied() else { return Ok(Vec::new()) };
@@ -66,7 +62,7 @@ pub(super) fn find(
         .map(|&frame| deviations(problem, &deformation, fit.noise, &mut work, frame))
         .collect::<Result<Vec<_>>>()?;
     let contradicted = Contradicted::of(problem, &by_frame);
-    let mut out = Vec::new();
+    let (mut out, mut positions) = (Vec::new(), None);
     for &frame in &all {
         let deviations = &by_frame[frame];
         let markers: Vec<usize> = (0..deviations.len()).filter(|&i| deviations[i].is_some()).collect();
@@ -76,15 +72,18 @@ pub(super) fn find(
             continue;
         }
         let whole = markers.len() > 1 && chosen.len() as f64 >= NEARLY_ALL * markers.len() as f64;
-        let at = (&deformation, fit.noise, frame);
+        let positions = match &mut positions {
+            Some(positions) => positions,
+            none => none.insert(OtherPositions::new(problem, &deformation, fit.noise, recorded.clone())?),
+        };
+        let mut corrected = |beyond| positions.correcting(&mut work, frame, beyond, joint_names);
         let why = if whole {
             chosen.clone_from(&markers);
-            another_position(problem, joint_names, at, &mut work, None)?
-                .unwrap_or_else(|| format!("{} is far from the model", LeftOut::NEARLY_ALL))
+            corrected(None).unwrap_or_else(|| format!("{} is far from the model", LeftOut::NEARLY_ALL))
         } else {
             let one_joints = match chosen.len() {
                 0 | 1 => None,
-                _ => another_position(problem, joint_names, at, &mut work, Some(&chosen))?,
+                _ => corrected(Some(&chosen)),
             };
             let why = one_joints.unwrap_or_else(|| "a digit, a label, or another thing".to_owned());
             format!("far from all that small errors allow: {why}")
@@ -215,78 +214,6 @@ fn deviations(
         Some(residual.map_or(f64::INFINITY, |r| r.norm() / observation.marker_std(noise)))
     };
     Ok(others.iter().zip(residuals).map(of).collect())
-}
-
-/// The joint that alone corrects a frame, in words. Of observations that are `beyond` it and are not all of the frame's, every one
-/// must fit then; of a whole frame most of them.
-fn another_position(
-    problem: &Problem,
-    joint_names: &[String],
-    (deformation, noise, frame): (&Deformation, Noise, usize),
-    work: &mut FrameWork,
-    beyond: Option<&[usize]>,
-) -> Result<Option<String>> {
-    let eye = problem.eye(deformation)?;
-    let mut best: Option<(f64, usize, f64)> = None;
-    let joints = seen_joints(&problem.scene.body, &problem.scene.relevant).into_iter();
-    for (joint, node) in
-        joints.filter(|(_, node)| beyond.is_none_or(|b| moves_these(problem, *node, frame, b)))
-    {
-        let steps = (core::f64::consts::PI / POSITION_STEP) as i32;
-        let mut moved = deformation.clone();
-        let mut size_at = |delta: f64, work: &mut FrameWork| -> f64 {
-            let change = delta - (moved.joint_delta(frame, node) - deformation.joint_delta(frame, node));
-            moved.add_joint_delta(frame, node, change);
-            let task = Task::of_residuals(problem, &moved, eye.as_ref(), noise);
-            if !work.evaluate(problem, &task, frame) {
-                return f64::INFINITY;
-            }
-            let mut sizes = Vec::new();
-            work.raw_residuals(|_, measured, r| {
-                sizes.push(r.norm() / if measured { noise.point_m } else { noise.marker_px });
-            });
-            sizes.sort_by(f64::total_cmp);
-            let told = if beyond.is_some() { sizes.last() } else { sizes.get(sizes.len() / 2) };
-            told.copied().unwrap_or(f64::INFINITY)
-        };
-        let coarse = (-steps..=steps)
-            .map(|k| f64::from(k) * POSITION_STEP)
-            .map(|d| (size_at(d, work), d))
-            .min_by(|a, b| a.0.total_cmp(&b.0));
-        let Some((_, at)) = coarse else { continue };
-        let delta = super::alternatives::least(at - POSITION_STEP, at + POSITION_STEP, |d| size_at(d, work));
-        let size = size_at(delta, work);
-        if best.is_none_or(|b| size < b.0) {
-            best = Some((size, joint, delta));
-        }
-    }
-    let clear = best.filter(|b| b.0 < SURE_DEVIATIONS);
-    Ok(clear.map(|(_, joint, delta)| {
-        format!(
-            "{}{} were {delta:+.3} from what the row says: a digit, or a sign",
-            LeftOut::WOULD_FIT,
-            joint_names[joint]
-        )
-    }))
-}
-
-/// Whether a joint moves just these observations of a frame against what sees them, and no board.
-fn moves_these(problem: &Problem, node: NodeId, frame: usize, these: &[usize]) -> bool {
-    let (scene, joint) = (&problem.scene, Atom::Joint(node));
-    let camera = problem.camera_site.and_then(|s| s.node);
-    let moves_board = problem.board.is_some_and(|b| moves_against(joint, scene, b.node, camera));
-    let is_moved = |observation: &Observation| {
-        let observer = match observation {
-            Observation::Pixel { .. } => camera,
-            Observation::Point { .. } => problem.points_site.and_then(|s| s.node),
-        };
-        observation
-            .marker()
-            .is_some_and(|m| moves_against(joint, scene, problem.marker_sites[m].node, observer))
-    };
-    let others = problem.frames[frame].others.iter().enumerate();
-    !moves_board
-        && others.filter(|(_, o)| o.marker().is_some()).all(|(i, o)| is_moved(o) == these.contains(&i))
 }
 
 /// Removes observations of a frame, given by their index among its arranged ones.

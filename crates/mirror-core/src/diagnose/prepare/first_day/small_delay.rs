@@ -5,6 +5,9 @@
 //! parameter, with mounts and zeros free, in normal equations with a column for each joint: with h_j and g_j those of the
 //! columns, the common parameter has `Σ_ij h_ij` and `Σ_j g_j`.
 //!
+//! Friction in every joint is a delay's neighbour: it leaves a joint short of where it was sent, too, but by a width of its own and not by a
+//! share of the way. One width of all joints is scored in the same equations; where it is more probable, no delay is named.
+//!
 //! Source: the score test, Rao 1948.
 
 use super::mistake::{LateKind, Mistake};
@@ -22,6 +25,8 @@ use crate::error::Result;
 
 /// Usual delay, rows (one standard deviation).
 const USUAL_ROWS: Prior = 0.3;
+/// Usual play or friction of a joint, rad, as that of the effect.
+const USUAL_FRICTION: Prior = 0.02;
 /// A delay of more than this is gross, and was searched for before.
 const MOST_ROWS: Guard = 0.5;
 
@@ -50,11 +55,22 @@ pub(super) fn find(problem: &Problem, recording: &Recording) -> Result<Option<(M
             }
         }
     }
+    let late = columns.len();
+    // Friction leaves every joint short of where it was sent, by the same amount however far it came.
+    let mut friction: Vec<(LateKind, Column)> =
+        columns.iter().filter(|(kind, _)| *kind == LateKind::Blend).cloned().collect();
+    for column in friction.iter_mut().map(|(_, column)| column) {
+        if let (Atom::Joint(node), Weight::Frames(moved)) = (column.atom, &mut column.weight) {
+            let size = if problem.scene.body.nodes[node].prismatic { problem.scene.reach_m } else { 1.0 };
+            moved.iter_mut().filter(|m| **m != 0.0).for_each(|m| *m = size.copysign(*m));
+        }
+    }
+    columns.extend(friction);
     let (mut group, mut start) = (beside.group.clone(), beside.start.clone());
     let first = group.columns.len();
-    for (_, column) in &columns {
+    for (k, (_, column)) in columns.iter().enumerate() {
         group.columns.push(column.clone());
-        group.prior_std.push(USUAL_ROWS);
+        group.prior_std.push(if k < late { USUAL_ROWS } else { USUAL_FRICTION });
         start.group.push(0.0);
     }
     let none = Catalogue::new(&problem.scene, Vec::new(), &[]);
@@ -62,7 +78,7 @@ pub(super) fn find(problem: &Problem, recording: &Recording) -> Result<Option<(M
     let first = here.first_group() + first;
     let all: Vec<usize> = (first..first + columns.len()).collect();
     let of = |kind: LateKind| {
-        let own = columns.iter().enumerate().filter(|(_, c)| c.0 == kind);
+        let own = columns[..late].iter().enumerate().filter(|(_, c)| c.0 == kind);
         let own: Vec<usize> = own.map(|(k, _)| first + k).collect();
         let (rows, log_bayes) = here.together(&own, &all, USUAL_ROWS)?;
         // A log that is early lies between the rows of the other side.
@@ -78,6 +94,10 @@ pub(super) fn find(problem: &Problem, recording: &Recording) -> Result<Option<(M
     let Some((rows, kind, log_bayes)) = best.filter(|b| b.2 > BEYOND_DOUBT && b.0.abs() < MOST_ROWS) else {
         return Ok(None);
     };
+    let of_friction: Vec<usize> = (first + late..first + columns.len()).collect();
+    if here.together(&of_friction, &all, USUAL_FRICTION).is_some_and(|friction| friction.1 > log_bayes) {
+        return Ok(None);
+    }
     let single = likeliest(problem.clone(), vocabulary(), &beside, noise)?.map_or(0.0, |best| best.log_bayes);
     let odds = log_bayes - single.max(0.0);
     Ok((odds > BEYOND_DOUBT).then_some((Mistake::Late { joint: None, rows, kind }, odds)))
