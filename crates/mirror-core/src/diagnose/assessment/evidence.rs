@@ -83,7 +83,7 @@ pub(crate) fn data(sources: &Sources<'_>, findings: &Findings<'_>) -> Result<Dat
                 tell(&names[marker], None, "the row contains the measurement of another row");
             } else if by_mirror && !mirror {
                 tell(&names[marker], None, "the mirror of this frame is not known: no board");
-            } else if !in_sight {
+            } else if !in_sight && matches!(observation, Observation::Pixel { .. }) {
                 tell(&names[marker], None, LeftOut::OUT_OF_SIGHT);
             } else {
                 tell(&names[marker], deviations, "far from the best model");

@@ -10,6 +10,7 @@
 use super::alternatives::Session;
 use super::chain::{Chain, FRAMES, known_in, spread, unlike};
 use super::coupled::coupled;
+use super::friction_everywhere::{USUAL_WIDTH, friction_columns};
 use super::lost::free_columns;
 use super::misfit::Misfit;
 use super::mistake::Mistake;
@@ -90,6 +91,7 @@ pub(super) fn chosen(
         }
     };
     weighed.small_errors_from_afar(&mut values, &mut log_odds, sought)?;
+    weighed.beside_friction(&mut values, &mut log_odds, sought)?;
     let coupling = weighed.beside_a_coupling(&mut values, &mut log_odds, sought)?;
     weighed.with_markers_in_place(&mut values, &mut log_odds)?;
     let best = best_of(&log_odds);
@@ -257,6 +259,31 @@ impl<'a> Weighed<'a> {
         let near = self.fits[0].as_mut().map_or(Ok(f64::NEG_INFINITY), |fit| fit.log_evidence(noise))?;
         if far.log_evidence(noise)? > near {
             self.fits[0] = Some(far);
+            (*values, *log_odds) = self.log_odds(sought);
+        }
+        Ok(())
+    }
+
+    /// Where a delay of all joints seems the most probable: gives none of the mistakes friction in every joint beside all small errors,
+    /// if that is more probable.
+    fn beside_friction(
+        &mut self,
+        values: &mut Vec<f64>,
+        log_odds: &mut Vec<f64>,
+        sought: bool,
+    ) -> Result<()> {
+        let best = best_of(log_odds);
+        if !matches!(self.chains[best].mistakes.as_slice(), [Mistake::Late { joint: None, .. }]) {
+            return Ok(());
+        }
+        let problem = &self.session.problem;
+        let columns = friction_columns(problem, &self.chains[0].variant);
+        let free: Vec<_> = columns.into_iter().map(|column| (column, USUAL_WIDTH, 0.0)).collect();
+        let mut friction = Tolerant::fitted_with(problem, &self.frames, problem.noise, free)?;
+        let noise = smaller(self.noise(), friction.noise);
+        let late = self.fits[best].as_mut().map_or(Ok(f64::NEG_INFINITY), |fit| fit.log_evidence(noise))?;
+        if friction.log_evidence(noise)? > late + log_prior(&self.chains[best].mistakes, sought) {
+            self.fits[0] = Some(friction);
             (*values, *log_odds) = self.log_odds(sought);
         }
         Ok(())

@@ -28,6 +28,7 @@ mod exchanges;
 mod frame_beside;
 mod free_numbers;
 mod freed;
+mod friction_everywhere;
 mod hung;
 mod hysteresis;
 mod in_another_session;

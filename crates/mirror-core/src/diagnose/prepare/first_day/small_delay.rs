@@ -5,11 +5,11 @@
 //! parameter, with mounts and zeros free, in normal equations with a column for each joint: with h_j and g_j those of the
 //! columns, the common parameter has `Σ_ij h_ij` and `Σ_j g_j`.
 //!
-//! Friction in every joint is a delay's neighbour: it leaves a joint short of where it was sent, too, but by a width of its own and not by a
-//! share of the way. One width of all joints is scored in the same equations; where it is more probable, no delay is named.
+//! Friction in every joint is scored in the same equations, by one width of all ([`super::friction_everywhere`]).
 //!
 //! Source: the score test, Rao 1948.
 
+use super::friction_everywhere::{USUAL_WIDTH, friction_columns};
 use super::mistake::{LateKind, Mistake};
 use super::single_cause::{Beside, likeliest};
 use super::variant::{Variant, seen_joints};
@@ -25,8 +25,6 @@ use crate::error::Result;
 
 /// Usual delay, rows (one standard deviation).
 const USUAL_ROWS: Prior = 0.3;
-/// Usual play or friction of a joint, rad, as that of the effect.
-const USUAL_FRICTION: Prior = 0.02;
 /// A delay of more than this is gross, and was searched for before.
 const MOST_ROWS: Guard = 0.5;
 
@@ -56,21 +54,13 @@ pub(super) fn find(problem: &Problem, recording: &Recording) -> Result<Option<(M
         }
     }
     let late = columns.len();
-    // Friction leaves every joint short of where it was sent, by the same amount however far it came.
-    let mut friction: Vec<(LateKind, Column)> =
-        columns.iter().filter(|(kind, _)| *kind == LateKind::Blend).cloned().collect();
-    for column in friction.iter_mut().map(|(_, column)| column) {
-        if let (Atom::Joint(node), Weight::Frames(moved)) = (column.atom, &mut column.weight) {
-            let size = if problem.scene.body.nodes[node].prismatic { problem.scene.reach_m } else { 1.0 };
-            moved.iter_mut().filter(|m| **m != 0.0).for_each(|m| *m = size.copysign(*m));
-        }
-    }
+    let friction = friction_columns(problem, &log).into_iter().map(|column| (LateKind::Blend, column));
     columns.extend(friction);
     let (mut group, mut start) = (beside.group.clone(), beside.start.clone());
     let first = group.columns.len();
     for (k, (_, column)) in columns.iter().enumerate() {
         group.columns.push(column.clone());
-        group.prior_std.push(if k < late { USUAL_ROWS } else { USUAL_FRICTION });
+        group.prior_std.push(if k < late { USUAL_ROWS } else { USUAL_WIDTH });
         start.group.push(0.0);
     }
     let none = Catalogue::new(&problem.scene, Vec::new(), &[]);
@@ -95,7 +85,7 @@ pub(super) fn find(problem: &Problem, recording: &Recording) -> Result<Option<(M
         return Ok(None);
     };
     let of_friction: Vec<usize> = (first + late..first + columns.len()).collect();
-    if here.together(&of_friction, &all, USUAL_FRICTION).is_some_and(|friction| friction.1 > log_bayes) {
+    if here.together(&of_friction, &all, USUAL_WIDTH).is_some_and(|friction| friction.1 > log_bayes) {
         return Ok(None);
     }
     let single = likeliest(problem.clone(), vocabulary(), &beside, noise)?.map_or(0.0, |best| best.log_bayes);
