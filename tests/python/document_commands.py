@@ -146,6 +146,7 @@ OTHERS = {
     ("docs/measuring.md", "ball = mp.Marker("): ("test_mirror_pictures.py", 'python_of("docs/measuring.md")'),
     ("docs/measuring.md", "image_width: 3264"): ("test_mirror_pictures.py", "image_width: 3264"),
     ("docs/formats.md", "error: detections.csv"): ("test_documents.py", '"12,1x3"'),
+    ("docs/formats.md", "[points]"): ("test_session.py", "formats.md"),
     ("docs/tutorial.md", "What this plan can tell"): ("test_document_blocks.py", "test_the_tutorial_quotes_the_first_hour"),
     ("docs/tutorial.md", "│ joint offset"): ("test_document_blocks.py", "test_the_tutorial_quotes_the_first_hour"),
     ("docs/faults.md", "python tests/python/hidden_bodies.py"): ("test_correct_hidden_bodies.py", "from hidden_bodies import"),

@@ -181,6 +181,46 @@ def test_own_files_get_a_copy_and_a_patch_that_git_applies(tmp_path: Path) -> No
         write_own_files(session, diagnosis, apply_again.folder, urdf=own)
 
 
+def test_a_urdf_of_another_robot_is_refused_and_nothing_is_written(tmp_path: Path) -> None:
+    """Before: exit code 0, "nothing of what was found belongs into it", and a copy of the other robot."""
+    session = mp.load_session(write_folder(tmp_path / "session"))
+    other, partly = tmp_path / "other.urdf", tmp_path / "partly.urdf"
+    other.write_text(
+        URDF.replace('"shoulder"', '"hip"').replace('"elbow"', '"knee"').replace('"lower"', '"shin"')
+    )
+    partly.write_text(URDF.replace('"lower"', '"shin"'))
+    at_elbow = ("gear_ratio", "joint:elbow", {"scale_error": 0.03})
+    exchanged = ("joints_swapped", "joint:shoulder<->joint:elbow", {})
+    at_link = ("link_length", "link:lower", {"dx_m": 0.001, "dy_m": 0.0, "dz_m": 0.0})
+    for cause, own, lacks in (
+        (at_elbow, other, "joint elbow"),
+        (exchanged, other, "joint shoulder, joint elbow"),
+        (at_link, partly, "link lower"),
+        # Nothing of it moves: still no joint of the session's robot is there.
+        (("camera_focal", "camera", {"scale_error": 0.01}), other, "joint shoulder, joint elbow"),
+    ):
+        with pytest.raises(MirrorPostureError) as refused:
+            apply_diagnosis(
+                session, found(cause), tmp_path / "better",
+                also=lambda part, cause=cause, own=own: write_own_files(session, found(cause), part, urdf=own),
+            )  # fmt: skip
+        told = str(refused.value)
+        assert (
+            told.startswith(f"{own}: has no {lacks}, of the session's robot; its joints: ")
+            and "\n" not in told
+        )
+        assert ("hip, knee" if own is other else "shoulder, elbow") in told
+    assert not (tmp_path / "better").exists()
+    # The file of the session's robot stays as it is, where what was found is elsewhere.
+    mine = tmp_path / "mine.urdf"
+    mine.write_text(URDF)
+    for number, cause in enumerate((at_elbow, exchanged)):
+        (own_part := tmp_path / f"part{number}").mkdir()
+        (own_part / "robot.urdf").write_bytes(session.robot_file.read_bytes())
+        [written] = write_own_files(session, found(cause), own_part, urdf=mine)
+        assert written.told == () and written.file.read_text() == URDF
+
+
 def test_a_diagnosis_of_another_session_is_refused(tmp_path: Path) -> None:
     first = mp.load_session(write_folder(tmp_path / "a"))
     other = mp.load_session(

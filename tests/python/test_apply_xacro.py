@@ -202,6 +202,15 @@ def test_own_files_in_xacro_get_patches_that_git_applies(tmp_path: Path) -> None
     assert line.strip() == "<offset>0.08</offset> <!-- by hand, May -->"
 
 
+def test_a_xacro_of_another_robot_is_refused(tmp_path: Path) -> None:
+    main = write_package(tmp_path / "anything")
+    session = mp.load_session(write_folder(tmp_path / "session"))
+    diagnosis = found(("joint_offset", "joint:elbow", {"offset_rad": 0.05}))
+    applied = apply_diagnosis(session, diagnosis, tmp_path / "better")
+    with pytest.raises(MirrorPostureError, match=r"pair\.urdf\.xacro: has no joint elbow.*left_elbow"):
+        write_own_files(session, diagnosis, applied.folder, urdf=main)
+
+
 CONTROL = """<?xml version="1.0"?>
 <robot xmlns:xacro="http://www.ros.org/wiki/xacro">
   <xacro:macro name="control" params="prefix">

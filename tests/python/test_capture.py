@@ -107,6 +107,24 @@ def test_a_folder_becomes_a_session(session: Path, pictures: Path, tmp_path: Pat
     assert "another plan" in " ".join(run("capture", session, "--source", folder, code=1).stderr.split())
 
 
+def test_what_is_left_and_what_a_stop_keeps_is_told(
+    session: Path, pictures: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (folder := tmp_path / "more").mkdir()
+    shutil.copy(pictures / "0000.png", folder)
+    told = run("capture", session, "--source", folder).stdout
+    assert "1 posture is not taken" in told and "the same command continues with the one that is left" in told
+
+    def stop(_capture: Capture) -> bool:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(Capture, "step", stop)
+    kept = " ".join(run("capture", session, "--source", folder, code=130).stderr.split())
+    assert "1 of 2 pictures are kept in" in kept and "the same command continues" in kept
+    kept = " ".join(run("capture", session, "--source", folder, "--overwrite", code=130).stderr.split())
+    assert kept == "error: stopped"
+
+
 def test_a_picture_without_a_board_is_left_out_and_named(
     session: Path, pictures: Path, tmp_path: Path
 ) -> None:

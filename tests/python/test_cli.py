@@ -119,7 +119,42 @@ def test_a_stop_from_the_keyboard_exits_with_130(tmp_path: Path, monkeypatch: py
         raise KeyboardInterrupt
 
     monkeypatch.setattr("mirror_posture.session.load_session", stop)
-    assert "stopped" in run("check", tmp_path, code=130).stderr
+    # Nothing was written, and nothing is said to be kept.
+    assert run("check", tmp_path, code=130).stderr.strip() == "error: stopped"
+    assert "kept" not in run("--help").output
+
+
+def test_a_stop_says_what_is_kept_where_something_is(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def write_and_stop(folder: Path, *_: object, **__: object) -> None:
+        folder.mkdir(parents=True)
+        (folder / "00.png").write_bytes(b"")
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("mirror_posture.render.render_session", write_and_stop)
+    said = run("demo", "--out", tmp_path / "out", code=130).stderr
+    assert f"the steps that were finished are kept in {tmp_path / 'out'}" in said
+
+    class Closed:
+        def close(self) -> None:
+            pass
+
+    monkeypatch.setattr("mirror_posture.capture.sources.open_source", lambda *_: Closed())
+    monkeypatch.setattr(
+        "mirror_posture.capture.board_pictures.take_board_pictures",
+        lambda _source, _board, folder, *_: write_and_stop(folder),
+    )
+    words = (
+        "--corners",
+        "7x4",
+        "--square-mm",
+        "20",
+        "--out",
+        tmp_path / "camera.yaml",
+        "--source",
+        "webcam:0",
+    )
+    said = run("calibrate-camera", tmp_path / "pictures", *words, code=130).stderr
+    assert f"the pictures are kept in {tmp_path / 'pictures'}" in said
 
 
 def test_a_fault_of_the_program_is_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -124,6 +124,38 @@ def test_a_signal_that_ends_the_program_rests_first(tmp_path: Path) -> None:
     assert len(load_session(out).frames) >= 3
 
 
+def test_markers_that_a_look_does_not_see_share_one_text(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from types import SimpleNamespace
+
+    from matplotlib.figure import Figure
+
+    from mirror_posture.correct.figures import plot_convergence
+
+    texts: list[list[str]] = []
+    monkeypatch.setattr(
+        Figure, "savefig", lambda figure, *_, **__: texts.append([t.get_text() for t in figure.axes[0].texts])
+    )
+    names = ("hand", "elbow", "head")
+    for unseen in (names[1:2], names[1:], tuple(f"a_marker_with_a_long_name_{k}" for k in range(3))):
+        known = ("hand", *unseen)
+        markers = [
+            SimpleNamespace(
+                marker=name, distance_m=None if name in unseen else 0.01, below_m=0.012, doubt=None
+            )
+            for name in known
+        ]
+        outcome = SimpleNamespace(
+            looks=[SimpleNamespace(look=1, markers=markers)],
+            markers=known,
+            stop=SimpleNamespace(sentence="ended"),
+        )
+        plot_convergence(outcome, tmp_path / "convergence.png", 0.003)  # type: ignore[arg-type]
+    told = [[text for text in ones if "not seen" in text] for ones in texts]
+    assert told == [["elbow not seen"], ["elbow, head not seen"], ["3 markers not seen"]]
+
+
 def test_ctrl_c_rests_exits_with_130_and_resume_goes_on(tmp_path: Path) -> None:
     out = tmp_path / "stopped"
     program = [sys.executable, "-c", HEARD + "from mirror_posture.cli import main; main()"]

@@ -134,6 +134,9 @@ def test_a_track_shows_each_component_against_each_quantity(entry: dict[str, Any
     for word in words:
         assert word in drawing.svg
     assert colours_of(drawing) > 500
+    # A session without times: its rows are counted.
+    counted = draw_track(track, 0, timed=False).svg
+    assert ">row<" in counted and "time, s" not in counted
 
 
 @pytest.mark.parametrize("over", ["image", "board"])

@@ -17,7 +17,6 @@ from typer.testing import CliRunner
 
 from mirror_posture import MirrorPostureError, Robot, cli, load_session
 from mirror_posture.importing import JointLog, Recording, find_rests, match_clocks
-from mirror_posture.importing.joint_csv import joint_csv
 from mirror_posture.importing.lerobot_dataset import read_dataset
 from mirror_posture.importing.rest import picture_motion
 from mirror_posture.importing.write import check_limits, match_begins
@@ -364,35 +363,6 @@ def test_pictures_that_show_no_movement_say_nothing_of_the_clock() -> None:
     assert not match_clocks(log, PICTURE_S, np.zeros(len(PICTURE_S))).trusted
 
 
-def test_logs_are_read_as_others_write_them(tmp_path: Path) -> None:
-    file = tmp_path / "log.csv"
-
-    def read(text: str, **how: object) -> JointLog:
-        file.write_text(text, encoding="utf-8")
-        return joint_csv(file, False, **how)  # type: ignore[arg-type]
-
-    plain = read("time_s,a,b\n0.0,1.5,2\n0.5,1.25,3\n")
-    for text, how in (
-        ("time_s;a;b\n0,0;1,5;2\n0,5;1,25;3\n", {}),
-        ("time_s\ta\tb\n0.0\t1.5\t2\n0.5\t1.25\t3\n", {}),
-        ("stamp,a,b\n0,1.5,2\n500,1.25,3\n", {"time": "stamp=ms"}),
-        ("stamp,a,b,note\n0,1.5,2,go\n0.5,1.25,3,\n", {"time": "stamp"}),
-    ):
-        log = read(text, **how)
-        assert log.names == ("a", "b") and log.others == (("note",) if "note" in text else ())
-        np.testing.assert_allclose(log.time_s, plain.time_s)
-        np.testing.assert_array_equal(log.position, plain.position)
-    # What is between the cells is told by the commas of the head, whatever a name contains.
-    assert read("time_s,a,left;b\n0,1.5,2\n1,1.5,2\n").names == ("a", "left;b")
-    # A joint with a broken cell is no note.
-    with pytest.raises(MirrorPostureError, match=r"log.csv, row 2 \(line 3\), column 'b': got 'x'"):
-        read("time_s;a;b\n0;1,5;2\n1;1,25;x\n")
-    with pytest.raises(MirrorPostureError, match="--time COLUMN says which"):
-        read("stamp,a\n0,1\n1,2\n")
-    with pytest.raises(MirrorPostureError, match="needed COLUMN or COLUMN=UNIT"):
-        read("stamp,a\n0,1\n1,2\n", time="stamp=minutes")
-
-
 def test_an_episode_begins_with_its_own_picture_however_its_time_is_rounded(tmp_path: Path) -> None:
     """The film's stamps are whole multiples of a frame, the table's are floating-point numbers."""
     root = Path(write_lerobot(tmp_path, 3)[0])
@@ -459,6 +429,43 @@ def test_what_cannot_be_meant_is_refused(session: Path, tmp_path: Path) -> None:
     assert not (session / "frames.csv").exists()
     with pytest.raises(MirrorPostureError, match="not later"):
         JointLog(np.array([0.0, 0.0]), ("a",), np.zeros((2, 1)))
+
+
+def test_a_column_that_is_a_joint_but_for_capitals_is_refused(session: Path, tmp_path: Path) -> None:
+    """Before: left out with a warning, and the joint was taken to stand at 0."""
+    words = write_pictures(tmp_path)
+    log = Path(words[2])
+    log.write_text(log.read_text().replace('"b"', '"B"'))
+    told = run("import", words[0], session, *words[1:], code=1).stderr
+    assert "joints.csv, column 'B': the robot has no joint 'B', but 'b'" in told and "--joint B=b" in told
+    assert not (session / "frames.csv").exists()
+    run("import", words[0], session, *words[1:], "--joint", "B=b")
+    np.testing.assert_allclose(load_session(session).frames.commanded, POSTURES, atol=1e-6)
+
+
+def test_pictures_beyond_the_log_are_told(session: Path, tmp_path: Path) -> None:
+    words = write_pictures(tmp_path)
+    assert "outside of the log" not in run("import", words[0], session, *words[1:]).stderr
+    log = Path(words[2])
+    rows = log.read_text().splitlines(keepends=True)
+    until = 3 * PERIOD_S
+    log.write_text("".join(rows[: 1 + round(until * RATE_HZ)]))
+    document = json.loads(run("import", words[0], session, *words[1:], "--overwrite", "--json").stdout)
+    [told] = [text for text in document["warnings"] if "outside of the log" in text]
+    last = until - 1 / RATE_HZ + document["offset_s"]
+    beyond = int((np.round(PICTURE_S + OFFSET_S, 3) > last).sum())
+    assert told.startswith(f"{beyond} of {len(PICTURE_S)} pictures lie outside of the log's times")
+    assert "joints.csv" in told and f" to {last:.10g} s of the pictures' clock" in told
+
+
+def test_a_log_in_radians_that_is_taken_for_degrees_is_told(session: Path, tmp_path: Path) -> None:
+    words = write_pictures(tmp_path)
+    arguments = ("import", words[0], session, *words[1:], "--degrees", "--tolerance", "0.0001", "--overwrite")
+    assert "joints.csv: with --degrees no joint turns by 3° or more" in run(*arguments).stderr
+    log = Path(words[2])
+    values = np.degrees([joints_at(time) for time in JOINT_S])
+    pyarrow.csv.write_csv(pa.table({"time_s": JOINT_S, "a": values[:, 0], "b": values[:, 1]}), log)
+    assert "with --degrees no joint" not in run(*arguments).stderr
 
 
 def test_few_pictures_a_second_tell_the_clocks_offset_without_a_bias() -> None:

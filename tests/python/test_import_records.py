@@ -8,6 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from mirror_posture import MirrorPostureError
 from mirror_posture.importing import JointLog
 from mirror_posture.importing.bags import _picture as bag_picture
 from mirror_posture.importing.bags import _with_commands as with_commands
@@ -46,3 +47,51 @@ def test_pictures_of_a_bag_have_their_colours_in_the_order_of_opencv(encoding: s
     assert picture.shape == (2, 3, 3)
     wanted = [99, 99, 99] if encoding == "mono8" else [blue, green, red]
     assert (picture == wanted).all()
+
+
+def test_logs_are_read_as_others_write_them(tmp_path: Path) -> None:
+    file = tmp_path / "log.csv"
+
+    def read(text: str, **how: object) -> JointLog:
+        file.write_text(text, encoding="utf-8")
+        return joint_csv(file, False, **how)  # type: ignore[arg-type]
+
+    plain = read("time_s,a,b\n0.0,1.5,2\n0.5,1.25,3\n")
+    for text, how in (
+        ("time_s;a;b\n0,0;1,5;2\n0,5;1,25;3\n", {}),
+        ("time_s\ta\tb\n0.0\t1.5\t2\n0.5\t1.25\t3\n", {}),
+        ("stamp,a,b\n0,1.5,2\n500,1.25,3\n", {"time": "stamp=ms"}),
+        ("stamp,a,b,note\n0,1.5,2,go\n0.5,1.25,3,\n", {"time": "stamp"}),
+    ):
+        log = read(text, **how)
+        assert log.names == ("a", "b") and log.others == (("note",) if "note" in text else ())
+        np.testing.assert_allclose(log.time_s, plain.time_s)
+        np.testing.assert_array_equal(log.position, plain.position)
+    # What is between the cells is told by the commas of the head, whatever a name contains.
+    assert read("time_s,a,left;b\n0,1.5,2\n1,1.5,2\n").names == ("a", "left;b")
+    # A joint with a broken cell is no note.
+    with pytest.raises(MirrorPostureError, match=r"log.csv, row 2 \(line 3\), column 'b': got 'x'"):
+        read("time_s;a;b\n0;1,5;2\n1;1,25;x\n")
+    with pytest.raises(MirrorPostureError, match="--time COLUMN says which"):
+        read("stamp,a\n0,1\n1,2\n")
+    with pytest.raises(MirrorPostureError, match="needed COLUMN or COLUMN=UNIT"):
+        read("stamp,a\n0,1\n1,2\n", time="stamp=minutes")
+
+
+def test_errors_of_a_log_name_its_file_and_row(tmp_path: Path) -> None:
+    file = tmp_path / "log.csv"
+    for text, told in (
+        ("time_s,a\n", "log.csv: got 0 rows of positions, needed two or more"),
+        (
+            "time_s,a\n0,0\n2.4,0\n2.4,0\n",
+            "log.csv, row 3 (line 4): is not later than the row before (2.4 s after 2.4 s); two rows at the same time: remove one",
+        ),
+        (
+            "time_s,a\n0,0\n2.4,0\n2.2,0\n",
+            "log.csv, row 3 (line 4): is not later than the row before (2.2 s after 2.4 s); sort the rows by time",
+        ),
+    ):
+        file.write_text(text)
+        with pytest.raises(MirrorPostureError) as refused:
+            joint_csv(file, False)
+        assert str(refused.value).startswith(told)

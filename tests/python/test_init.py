@@ -47,6 +47,12 @@ def arm(tmp_path: Path) -> Path:
     return file
 
 
+def test_a_file_that_is_missing_is_told_before_anything_is_asked(tmp_path: Path) -> None:
+    result = run("init", tmp_path / "nosuch.urdf", tmp_path / "s", "--camera", "a", code=1, input="b\n")
+    assert "nosuch.urdf: there is no such file" in " ".join(result.stderr.split())
+    assert "Link that carries" not in result.output + result.stderr
+
+
 def test_a_session_from_a_urdf(arm: Path, tmp_path: Path) -> None:
     folder = tmp_path / "session"
     told = json.loads(run("init", arm, folder, *WORDS, "--json").stdout)

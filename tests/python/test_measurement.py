@@ -148,6 +148,30 @@ def test_the_model_is_where_the_urdf_says(tmp_path: Path) -> None:
     assert hand.distance_rms_m == pytest.approx(2 * np.sin(0.05) * np.hypot(0.06, 0.01), abs=1e-6)
 
 
+def test_the_legend_covers_no_title(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from matplotlib.figure import Figure
+
+    from mirror_posture.measurement.figures import plot_measured_against_model
+
+    drawn: list[Figure] = []
+    save = Figure.savefig
+
+    def kept(figure: Figure, *args: object, **options: object) -> None:
+        save(figure, *args, **options)  # type: ignore[arg-type]
+        drawn.append(figure)
+
+    monkeypatch.setattr(Figure, "savefig", kept)
+    session = simulated(tmp_path, postures=6)
+    plot_measured_against_model(mp.measure(session, MeasureOptions()), tmp_path / "figure.png")
+    [figure] = drawn
+    title, [legend] = figure._suptitle, figure.legends  # type: ignore[attr-defined]
+    boxes = [box.get_window_extent() for box in (title, legend)]
+    assert not boxes[0].overlaps(boxes[1])
+    assert not any(
+        legend.get_window_extent().overlaps(ax.get_tightbbox()) for ax in figure.axes if ax.get_visible()
+    )
+
+
 def test_a_camera_that_sits_elsewhere_is_found_by_joint_and_by_calibration(tmp_path: Path) -> None:
     session = simulated(tmp_path, noise_px=0.02, offset_rad=0.0)
     # The model believes the camera (and what hangs on it) 2 mm beside and a degree turned.

@@ -15,7 +15,7 @@ from browser import CHROMIUM, OVERFLOW, Browser
 from mirror_lab.robots import HiddenEffect, TwinOptions, TwinRobot
 from mirror_posture.cli.app import app
 from mirror_posture.correct import PAPER_VIEWS
-from mirror_posture.diagnosis import Diagnosis
+from mirror_posture.diagnosis import Diagnosis, limits
 from mirror_posture.diagnosis import page as page_module
 from mirror_posture.diagnosis.page import write_report
 from mirror_posture.diagnosis.plots import draw_signature
@@ -139,6 +139,33 @@ def test_a_big_session_s_page_stays_small() -> None:
     shown = page_module._that_fit([panel] * 40)
     assert 10 < len(shown) < 40
     assert sum(len(panel.drawing.svg) for panel in shown) <= page_module.LARGEST_PICTURES < 0.8 * LARGEST_PAGE
+    assert "time, s" in drawing.svg
+    counted = draw_signature(big, 0, timed=False).svg
+    assert ">row<" in counted and "time, s" not in counted
+
+
+@pytest.mark.parametrize(
+    ("sizes", "said"),
+    [
+        (
+            (0.002, 0.004, 0.2),
+            "These postures would have hidden (95 %) a joint's zero by 0.23 ° (11 ° at roll).",
+        ),
+        (
+            (0.002, 0.004, None),
+            "These postures would have hidden (95 %) a joint's zero by 0.23 ° (0.23 ° at yaw). They cannot show a joint's zero at roll "
+            "at all.",
+        ),
+        ((0.002, None, None), "These postures cannot show a joint's zero at yaw and roll at all."),
+    ],
+)
+def test_a_place_that_is_not_seen_is_no_size(sizes: tuple[float | None, ...], said: str) -> None:
+    """Before: "would have hidden (95 %) a joint's zero by any size (any size at roll)"."""
+    told = [
+        {"effect": "joint_offset", "at": f"joint:{name}", "parameters": {"offset_rad": size}}
+        for name, size in zip(("pitch", "yaw", "roll"), sizes, strict=True)
+    ]
+    assert limits.line(Diagnosis.from_document(rich_document() | {"limits": told})) == said
 
 
 def assert_laid_out(pages: list[Path], shot: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Literal
 
@@ -99,6 +100,17 @@ def test_the_order_of_the_columns_in_the_file_is_kept(tables: str, tmp_path: Pat
     session = load_session(folder)
     assert session.frames.joint_names == ("elbow", "shoulder")
     assert session.frames.commanded[2].tolist() == [0.4, -0.3]
+
+
+def test_points_are_read_as_the_document_says(tmp_path: Path) -> None:
+    page = (Path(__file__).parents[2] / "docs" / "formats.md").read_text(encoding="utf-8")
+    (lines,) = [block for block in re.findall(r"```toml\n(.*?)```", page, re.DOTALL) if "[points]" in block]
+    without = replaced(SESSION, '[points]\nframe = "unknown"\n', "")
+    points = load_session(write_folder(tmp_path / "unknown", session=without + lines)).points
+    assert points is not None and points.frame_link == "unknown"
+    of_a_link = without + replaced(lines, "unknown", "base")
+    points = load_session(write_folder(tmp_path / "link", session=of_a_link)).points
+    assert points is not None and points.frame_link == "base"
 
 
 def test_points_alone_need_no_camera_and_no_board(tmp_path: Path) -> None:

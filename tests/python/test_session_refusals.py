@@ -291,7 +291,7 @@ REFUSALS = {
         {"session": replaced(SESSION, '[points]\nframe = "unknown"\n', "")},
         "session.toml",
         None,
-        "no [points]",
+        'no [points]; add the two lines `[points]` and `frame = "LINK"`',
     ),
     # Camera and robot.
     "no yaml": ({"camera": "a: ["}, "camera.yaml", None, "no YAML"),

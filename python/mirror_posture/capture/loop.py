@@ -94,7 +94,7 @@ class Capture:
             return self._end("all postures of the plan are taken")
         shot = self.source.read()
         if shot is None:
-            return self._end(f"the source has no more pictures; {self._left()} postures are not taken")
+            return self._end(f"the source has no more pictures; {self._left_in_words()}")
         self.last = shot
         if self.source.stills:
             return self._take_still(shot)
@@ -216,6 +216,10 @@ class Capture:
     def _left(self) -> int:
         return sum(1 for f in self.plan if f.frame not in self.recorder.taken)
 
+    def _left_in_words(self) -> str:
+        left = self._left()
+        return "1 posture is not taken" if left == 1 else f"{left} postures are not taken"
+
     def do(self, action: str) -> str:
         """An action of the user: start, pause, turned, skip, again, finish. Returns what was done.
 
@@ -260,7 +264,7 @@ class Capture:
             self.recorder.drop(last)
             self.stillness.moved = True
             return f"posture {last} is to be taken again"
-        self._end(f"finished by hand; {self._left()} postures are not taken")
+        self._end(f"finished by hand; {self._left_in_words()}")
         return "finished"
 
     def close(self) -> None:

@@ -20,7 +20,7 @@ A *session* is a folder: the robot's model, its camera, and the pictures (or ima
 postures before a mirror. `mirror-posture demo` makes one and goes through all the steps in a minute.
 
 Exit codes: 0 fine; 1 the input is invalid (one line says where and why); 2 the command was called wrongly;
-3 nothing could be measured, or the target was not reached; 4 a fault of this program; 130 stopped with Ctrl-C, what was done is kept.
+3 nothing could be measured, or the target was not reached; 4 a fault of this program; 130 stopped with Ctrl-C.
 """
 
 _DEBUG_VARIABLE = "MIRROR_POSTURE_DEBUG"
@@ -35,7 +35,7 @@ class _Commands(LazyCommands):
         except MirrorPostureError as error:
             self._end(error, getattr(error, "exit_code", ExitCode.INPUT), str(error))
         except KeyboardInterrupt as error:
-            self._end(error, ExitCode.STOPPED, "stopped; what was done until now is kept")
+            self._end(error, ExitCode.STOPPED, "stopped")
         except OSError as error:
             place = f"{error.filename}: " if error.filename else ""
             self._end(error, ExitCode.INPUT, f"{place}{error.strerror or error}")

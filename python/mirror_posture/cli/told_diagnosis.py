@@ -28,9 +28,9 @@ def write_results(output: Output, session: Session, found: Diagnosis, folder: Pa
         write_report(session, found, part)
         if found.next_postures:
             write_next_postures(found, part / NEXT_POSTURES)
-    if found.next_postures:
+    if count := len(found.next_postures):
         output.say(
-            f"written: {folder / NEXT_POSTURES}, {len(found.next_postures)} postures that would separate the alternatives"
+            f"written: {folder / NEXT_POSTURES}, {count} posture{'' if count == 1 else 's'} that would separate the alternatives"
         )
     output.say(f"written: {folder / 'diagnosis.json'}, {folder / 'report.html'}, {folder / 'pictures'}")
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import textwrap
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -31,6 +32,8 @@ CROP_PX = 39
 """Half the width of the closer look at a marker."""
 ZOOM = 5
 GAP_PX = 6
+LONGEST_NAMES = 40
+"""Letters of the names of markers that were not seen: more do not fit beside the axis, and are counted."""
 LEAST_SHOWN_M = 5e-5
 """The lower end of the logarithmic axis: below it measurements are noise."""
 
@@ -46,6 +49,7 @@ def plot_convergence(outcome: Outcome, file: Path, tolerance_m: float) -> None:
     axis = figure.subplots()
     colors = matplotlib.colormaps["tab10"]
     count = len(outcome.looks)
+    unseen: dict[int, list[tuple[str, Any]]] = {}
     for index, name in enumerate(outcome.markers):
         rows = [(look, m) for look in outcome.looks for m in look.markers if m.marker == name]
         seen = [
@@ -69,10 +73,15 @@ def plot_convergence(outcome: Outcome, file: Path, tolerance_m: float) -> None:
             )
         for missed in [k.look for k, m in rows if m.distance_m is None]:
             axis.axvline(missed, color=color, linewidth=6.0, alpha=0.12)
-            axis.annotate(
-                f"{name} not seen", (missed, 1.0), xycoords=("data", "axes fraction"), rotation=90, ha="right",
-                va="top", fontsize=8, color=color,
-            )  # fmt: skip
+            unseen.setdefault(missed, []).append((name, color))
+    for missed, those in unseen.items():
+        # One text a look: those of several markers would lie on top of each other.
+        names = ", ".join(name for name, _ in those)
+        axis.annotate(
+            f"{names if len(names) <= LONGEST_NAMES else f'{len(those)} markers'} not seen", (missed, 1.0),
+            xycoords=("data", "axes fraction"), rotation=90, ha="right", va="top", fontsize=8,
+            color=those[0][1] if len(those) == 1 else "0.35",
+        )  # fmt: skip
     axis.axhline(tolerance_m * MILLIMETRES, color="0.35", linestyle="--", linewidth=1.0)
     axis.annotate(
         f"tolerance {tolerance_m * MILLIMETRES:g} mm", (1.0, tolerance_m * MILLIMETRES),

@@ -84,8 +84,9 @@ def table(found: Diagnosis) -> list[Told]:
 
 
 def line(found: Diagnosis) -> str:
-    """The limits in one line: zeros of joints and mounts of markers, at the middle place and at the worst; empty without any."""
-    parts = []
+    """The limits in one line: zeros of joints and mounts of markers, at the middle place and at the worst, and where nothing of
+    them is seen; empty without any."""
+    parts, unseen = [], []
     for effect, slides, what in (
         ("joint_offset", False, "a joint's zero"),
         ("joint_offset", True, "a prismatic joint's zero"),
@@ -94,14 +95,24 @@ def line(found: Diagnosis) -> str:
         limits = sorted(
             (one for one in found.limits if (one.effect, one.slides) == (effect, slides)), key=size_of
         )
-        if not limits:
+        nowhere = [formatting.place_in_words(one.at) for one in limits if ANY in in_words(one)]
+        if nowhere:
+            unseen.append(f"{what} at {formatting.listed(nowhere)}")
+        seen = limits[: len(limits) - len(nowhere)]
+        # The middle of all places, where it is seen there.
+        middle = len(limits) // 2
+        if middle >= len(seen):
             continue
-        text = f"{what} by {in_words(limits[len(limits) // 2])}"
+        text = f"{what} by {in_words(seen[middle])}"
         if len(limits) > 1:
-            worst = limits[-1]
-            text += f" ({in_words(worst)} at {formatting.place_in_words(worst.at)})"
+            text += f" ({in_words(seen[-1])} at {formatting.place_in_words(seen[-1].at)})"
         parts.append(text)
-    return f"These postures would have hidden (95 %) {formatting.listed(parts)}." if parts else ""
+    told = [f"These postures would have hidden (95 %) {formatting.listed(parts)}."] if parts else []
+    if unseen:
+        told.append(
+            f"{'They' if parts else 'These postures'} cannot show {formatting.listed(unseen)} at all."
+        )
+    return " ".join(told)
 
 
 @styled

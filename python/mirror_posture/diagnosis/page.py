@@ -39,7 +39,7 @@ def write_report(session: Session, found: Diagnosis, folder: Path) -> Path:
         drawings["steps"] = draw_steps(found.gap)
     if found.limits:
         drawings["limits"] = draw_limits(session, found)
-    panels = signature_panels(found)
+    panels = signature_panels(found, session.frames.time_s is not None)
     pictures = folder / "pictures"
     pictures.mkdir(exist_ok=True)
     for name, drawing in (drawings | {panel.name: panel.drawing for panel in panels}).items():
@@ -121,9 +121,9 @@ class Panel:
         return f"{self.title}. {self.caption or 'The error against position, load, direction of motion and time; points: each posture separately; line: the law of the cause.'}"
 
 
-def signature_panels(found: Diagnosis) -> list[Panel]:
+def signature_panels(found: Diagnosis, timed: bool) -> list[Panel]:
     """All signatures, in the order of the causes; those of the unexplained part last, the largest share
-    first."""
+    first. Not `timed`: their rows are counted."""
 
     def title(cause: int | None, at: str) -> str:
         place = formatting.place_with_article(at)
@@ -132,7 +132,7 @@ def signature_panels(found: Diagnosis) -> list[Panel]:
         return f"{cause + 1}. {formatting.effect_in_words(found.causes[cause].effect)} at {place}"
 
     panels = [
-        Panel(f"signature-{k}", s.cause, s.at, title(s.cause, s.at), "", draw_signature(s, k))
+        Panel(f"signature-{k}", s.cause, s.at, title(s.cause, s.at), "", draw_signature(s, k, timed))
         for k, s in enumerate(found.signatures)
     ]
     panels += [
@@ -142,7 +142,7 @@ def signature_panels(found: Diagnosis) -> list[Panel]:
             t.at,
             title(t.cause, t.at),
             formatting.track_caption(t.at, t.what, len(t.components)),
-            draw_track(t, k),
+            draw_track(t, k, timed),
         )
         for k, t in enumerate(found.tracks)
         if len(t.frame)

@@ -34,11 +34,12 @@ HEIGHTS = "PuOr"
 
 
 @styled
-def draw_track(track: Track, index: int) -> Drawing:
+def draw_track(track: Track, index: int, timed: bool = True) -> Drawing:
     """One row for each component, one column for each quantity: the value of each posture alone, and the
     cause's; one scale for all.
 
-    Against one quantity alone the components are side by side.
+    Against one quantity alone the components are side by side. Not `timed`: the session has no times, and
+    its rows are counted.
     """
     unit, factor = UNITS[track.unit]
     columns = _columns(track)
@@ -54,6 +55,8 @@ def draw_track(track: Track, index: int) -> Drawing:
     for row, component in enumerate(track.components):
         for ax, column in zip(axes[row], columns, strict=True):
             x, label = _quantity(track, column)
+            if not timed and track.against[column] == "time":
+                label = "row"
             draw_postures(ax, x, error[:, row], std[:, row], fitted[:, row], track.cause is None)
             ax.set_ylim(-limit, limit)
             if row == components - 1 or len(columns) == 1:

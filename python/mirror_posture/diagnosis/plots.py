@@ -135,8 +135,11 @@ def draw_gap(gap: Gap) -> Drawing:
 
 
 @styled
-def draw_signature(signature: Signature, index: int) -> Drawing:
-    """Four panels: the error that each posture shows by itself against position, load, direction and time."""
+def draw_signature(signature: Signature, index: int, timed: bool = True) -> Drawing:
+    """Four panels: the error that each posture shows by itself against position, load, direction and time.
+
+    Not `timed`: the session has no times, and its rows are counted.
+    """
     angular = signature.unit == "rad"
     factor, unit = (math.degrees(1.0), "°") if angular else (1000.0, "mm")
     error, std, fitted = (factor * a for a in (signature.error, signature.std, signature.fitted))
@@ -150,7 +153,7 @@ def draw_signature(signature: Signature, index: int) -> Drawing:
         (factor * signature.position, f"commanded position, {unit}"),
         (signature.torque_nm, "gravity torque, N m" if angular else "gravity force, N"),
         (signature.direction, "direction of the last motion"),
-        (signature.time_s, "time, s"),
+        (signature.time_s, "time, s" if timed else "row"),
     )
     drawn, axes = figure(11.0, 2.7, columns=len(panels), sharey=True)
     for ax, (x, label) in zip(axes[0], panels, strict=True):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 from collections.abc import Iterator
 from contextlib import contextmanager, redirect_stderr, redirect_stdout
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -96,7 +97,7 @@ def _read_bag(
     if commands_topic:
         log = _with_commands(log, _log(source, commands_topic, commands, factor))
     start = log.time_s[0]
-    log = JointLog(log.time_s - start, log.names, log.position, log.measured, log.commanded)
+    log = replace(log, time_s=log.time_s - start)
 
     def pictures() -> Iterator[tuple[float, Picture]]:
         with _own_words(source):
@@ -223,7 +224,7 @@ def _log(source: Path, topic: str, rows: list[tuple[float, dict[str, float]]], f
     time = np.array([stamp for stamp, _ in rows])
     position = factor * np.array([[row[name] for name in names] for _, row in rows])
     fresh = np.concatenate([[True], np.diff(time) > 0.0])
-    return JointLog(time[fresh], names, position[fresh])
+    return JointLog(time[fresh], names, position[fresh], source=f"{source}, topic {topic}")
 
 
 def _with_commands(measured: JointLog, commands: JointLog) -> JointLog:
@@ -235,7 +236,7 @@ def _with_commands(measured: JointLog, commands: JointLog) -> JointLog:
     last = np.searchsorted(commands.time_s, measured.time_s[inside], side="right") - 1
     told = commands.position[last][:, [commands.names.index(name) for name in names]]
     read = measured.position[inside][:, [measured.names.index(name) for name in names]]
-    return JointLog(measured.time_s[inside], names, told, read, commanded=True)
+    return JointLog(measured.time_s[inside], names, told, read, commanded=True, source=measured.source)
 
 
 def _camera(message: Any) -> Camera:

@@ -54,7 +54,7 @@ def joint_csv(file: Path, degrees: bool, time: str = TIME) -> JointLog:
     else:
         others += told
     seconds = SECONDS[unit or "s"] * table.numbers(column)
-    return JointLog(seconds, names, position, measured, commanded=True, others=others)
+    return JointLog(seconds, names, position, measured, commanded=True, others=others, source=file.name)
 
 
 def _table(file: Path) -> Table:

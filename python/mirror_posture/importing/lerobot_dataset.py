@@ -163,8 +163,9 @@ def _joints(folder: Path, table: Table, features: dict[str, Any], degrees: bool)
     state = factor * _rows(table, STATE, len(names))
     time = table.numbers(TIME)
     if ACTION in table.columns and _names(folder, features, ACTION) == names:
-        return JointLog(time, names, factor * _rows(table, ACTION, len(names)), state, commanded=True)
-    return JointLog(time, names, state)
+        actions = factor * _rows(table, ACTION, len(names))
+        return JointLog(time, names, actions, state, commanded=True, source=table.name)
+    return JointLog(time, names, state, source=table.name)
 
 
 def _rows(table: Table, column: str, width: int) -> Floats:

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from .._core import MirrorPostureError
 from ..arrays import Floats
 from ..camera import Camera
+from ..session.errors import SessionError
 
 Picture = npt.NDArray[Any]
 Pictures = Callable[[], Iterator[tuple[float, Picture]]]
@@ -32,22 +32,27 @@ class JointLog:
     commanded: bool = False
     others: tuple[str, ...] = ()
     """Columns that are left out: those that hold no numbers, and measurements of only some of the joints."""
+    source: str = "the log of the joints"
+    """The file (or the topic) that it was read from, as errors name it."""
 
     def __post_init__(self) -> None:
         if len(self.time_s) < 2 or self.position.shape != (len(self.time_s), len(self.names)):
-            raise MirrorPostureError(
-                f"the log of the joints: got {len(self.time_s)} rows for {len(self.names)} joints, needed two or more rows of positions"
+            raise SessionError(
+                self.source,
+                f"got {len(self.time_s)} row{'' if len(self.time_s) == 1 else 's'} of positions, needed two or more; record the joints "
+                "while the pictures are taken",
             )
         for values in (self.time_s, self.position, *(() if self.measured is None else (self.measured,))):
             if not np.isfinite(values).all():
-                raise MirrorPostureError(
-                    "the log of the joints: a time or a position is not finite; mend the recording"
-                )
+                raise SessionError(self.source, "a time or a position is not finite; mend the recording")
         falls = np.flatnonzero(np.diff(self.time_s) <= 0.0)
         if len(falls):
-            raise MirrorPostureError(
-                f"the log of the joints: row {falls[0] + 2} is not later than the one before ({self.time_s[falls[0] + 1]:g} s after "
-                f"{self.time_s[falls[0]]:g} s); sort it by time"
+            before, here = self.time_s[falls[0] : falls[0] + 2]
+            why = "two rows at the same time: remove one" if here == before else "sort the rows by time"
+            raise SessionError(
+                self.source,
+                f"is not later than the row before ({here:.10g} s after {before:.10g} s); {why}",
+                row=int(falls[0]) + 2,
             )
 
 

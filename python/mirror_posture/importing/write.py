@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -15,6 +16,7 @@ from ..arrays import Floats
 from ..output_files import keep_files, new_folder
 from ..robot import Robot
 from ..session.camera_info import dump_camera_info
+from ..session.errors import SessionError
 from ..session.metadata import load_metadata
 from ..session.tables import find_table
 from ..session.write import write_table
@@ -26,6 +28,8 @@ MARGIN = 0.2
 SHARP_WIDTH_PX = 640
 BEYOND_LIMIT = 0.05
 """rad (m) by which a position may be beyond a joint's limit without a warning."""
+LEAST_TURN = math.radians(3.0)
+"""A log in which no joint turns as far, taken for degrees, may be in rad: 3° are 172° there, more than most joints' whole range."""
 BEGAN_WITHIN_S = 30.0
 TABLES = ("frames.csv", "frames.parquet", "detections.csv", "detections.parquet")
 PICTURES = "images/[0-9][0-9][0-9][0-9].png"
@@ -88,10 +92,17 @@ def import_recording(
         )
     if len({name for _, name in kept}) < len(kept):
         raise MirrorPostureError("--joint: two of the recording's joints get the same name")
+    _refuse_other_case(log, columns, robot)
     if degrees:
         slides = {joint.name for joint in robot.joints if joint.kind == "prismatic"}
         log = _taken_back(log, [index for index, name in kept if name in slides])
         recording = replace(recording, joints=log)
+        turning = log.position[:, [index for index, name in kept if name not in slides]]
+        if turning.size and 0.0 < np.ptp(turning, axis=0).max() < LEAST_TURN:
+            warnings.append(
+                f"{log.source}: with --degrees no joint turns by {math.degrees(LEAST_TURN):g}° or more; if the log is in rad already, "
+                "leave out --degrees"
+            )
     warnings += check_limits(recording, robot, kept)
     if left := [*(name for _, name in columns if name not in robot.position_names), *log.others]:
         warnings.append(f"not joints of the robot, left out: {', '.join(left)}")
@@ -127,6 +138,7 @@ def import_recording(
             warnings.append(
                 f"the pictures' movement does not show the clocks' offset (correlation {clock.match:.2f}): taken as 0; give --offset-s"
             )
+    warnings += _beyond_log(log, picture_s, offset_s, least_s)
     chosen = _choose(recording, rests, picture_s, offset_s)
     if not chosen:
         raise MirrorPostureError(
@@ -149,6 +161,33 @@ def import_recording(
         if recording.camera is not None and camera is not None:
             (part / camera).write_text(dump_camera_info(recording.camera), encoding="utf-8")
     return Imported(len(chosen), len(rests), clock, offset_s, tuple(warnings))
+
+
+def _refuse_other_case(log: JointLog, columns: list[tuple[int, str]], robot: Robot) -> None:
+    """Refuses a column that is one of the robot's joints but for capitals: left out, the joint would be taken to stand at 0."""
+    names = {name for _, name in columns}
+    free = {name.casefold(): name for name in robot.position_names if name not in names}
+    for index, name in columns:
+        if name not in robot.position_names and (joint := free.get(name.casefold())) is not None:
+            theirs = log.names[index]
+            raise SessionError(
+                log.source,
+                f"the robot has no joint {name!r}, but {joint!r}: capitals count; add --joint {theirs}={joint}, or rename the column",
+                column=theirs,
+            )
+
+
+def _beyond_log(log: JointLog, picture_s: Floats, offset_s: float, least_s: float) -> list[str]:
+    """A warning where pictures before or after the log last as long as a moment of rest: those of that time are lost."""
+    first, last = log.time_s[0] + offset_s, log.time_s[-1] + offset_s
+    beyond = int(((picture_s < first) | (picture_s > last)).sum())
+    if max(first - picture_s[0], picture_s[-1] - last) < least_s:
+        return []
+    return [
+        f"{beyond} of {len(picture_s)} pictures lie outside of the log's times and are not used: pictures {picture_s[0]:.10g} to "
+        f"{picture_s[-1]:.10g} s, {log.source} {first:.10g} to {last:.10g} s of the pictures' clock; record the joints for as long as "
+        "the pictures"
+    ]
 
 
 def _taken_back(log: JointLog, columns: list[int]) -> JointLog:

@@ -66,7 +66,7 @@ def plot_measured_against_model(measurement: Measurement, file: Path) -> None:
             ax.set_xlabel("posture")
     if shown:
         figure.legend(
-            *axes.flat[0].get_legend_handles_labels(), loc="outside upper right", ncols=3, fontsize=9
+            *axes.flat[0].get_legend_handles_labels(), loc="outside lower right", ncols=3, fontsize=9
         )
     figure.suptitle(
         f"Markers measured in the mirror ({measurement.estimator}); root frame; bars: one standard deviation"

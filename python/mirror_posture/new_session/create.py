@@ -46,6 +46,12 @@ class NewSession:
     warnings: tuple[str, ...]
 
 
+def require_robot_file(file: Path) -> None:
+    """Raises `MirrorPostureError` where there is no such file, before anything is asked about it."""
+    if not file.is_file():
+        raise MirrorPostureError(f"{file}: there is no such file; needed a URDF or an MJCF")
+
+
 def create_session(
     robot_file: Path,
     folder: Path,
@@ -78,8 +84,7 @@ def create_session(
     """
     if folder.exists():
         _check_replaceable(folder, overwrite)
-    if not robot_file.is_file():
-        raise MirrorPostureError(f"{robot_file}: there is no such file; needed a URDF or an MJCF")
+    require_robot_file(robot_file)
     text = read_xml(robot_file)
     meshes: dict[str, Triangles] = {}
     root = XmlText(text, str(robot_file)).root.tag

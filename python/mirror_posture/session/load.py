@@ -205,7 +205,9 @@ class _Tables:
             return None
         if frame is None:
             raise SessionError(
-                FILE, f"there is {file.name} and no [points]; add it with `frame`, a link or unknown"
+                FILE,
+                f'there is {file.name} and no [points]; add the two lines `[points]` and `frame = "LINK"`, the link in whose frame '
+                'x, y, z are given, or `frame = "unknown"` for a tracker\'s own',
             )
         points = None
         with self.problems.kept():

@@ -82,6 +82,12 @@ def command(
         opened = open_source(source, None)
         try:
             count = take_board_pictures(opened, board, pictures, most, output.say)
+        except KeyboardInterrupt:
+            if pictures.is_dir() and any(pictures.iterdir()):
+                output.warn(
+                    f"the pictures are kept in {pictures}; the same command without --source calibrates with them"
+                )
+            raise
         finally:
             opened.close()
         output.say(f"{count} pictures are in {pictures}")

@@ -100,9 +100,17 @@ def command(
             output.say(f"the page: {server.address}")
             if browser:
                 webbrowser.open(server.address)
-        while capture.step():
-            if eye.live or serve:
-                time.sleep(0.01)
+        try:
+            while capture.step():
+                if eye.live or serve:
+                    time.sleep(0.01)
+        except KeyboardInterrupt:
+            if recorder.taken:
+                output.warn(
+                    f"{len(recorder.taken)} of {len(frames)} pictures are kept in {session}/images, {session}/frames.csv; the same "
+                    "command continues"
+                )
+            raise
         state = state_of(capture)
         if serve:
             # The page still has to show how it ended.
@@ -114,6 +122,11 @@ def command(
     output.say(
         f"{state['message']}: {len(state['taken'])} of {len(frames)} pictures in {session}/images, {session}/frames.csv"
     )
+    left = len(frames) - len(state["taken"])
+    if left and state["taken"]:
+        output.say(
+            f"the same command continues with {'the one that is' if left == 1 else f'the {left} that are'} left"
+        )
     output.say(f"next: mirror-posture diagnose {session}")
     output.result(
         {"session": session, "taken": state["taken"], "skipped": state["skipped"], "planned": len(frames)}

@@ -36,6 +36,15 @@ def command(
     Example: `mirror-posture demo --out out`
     """
     output = Output(as_json)
+    try:
+        _all_steps(output, out, postures, seed)
+    except KeyboardInterrupt:
+        if (out / "session").is_dir():
+            output.warn(f"the steps that were finished are kept in {out}; the same command begins anew")
+        raise
+
+
+def _all_steps(output: Output, out: Path, postures: int, seed: int) -> None:
     import numpy as np
 
     from ...detect import detect_session, read_picture, write_overlay

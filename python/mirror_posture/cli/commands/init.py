@@ -102,9 +102,18 @@ def command(
     from ...board_sheet import BoardSheet
     from ...camera import Camera
     from ...mirror import Mirror
-    from ...new_session import CameraMount, FaceMount, create_session, draw_setup, parse_marker, parse_vector
+    from ...new_session import (
+        CameraMount,
+        FaceMount,
+        create_session,
+        draw_setup,
+        parse_marker,
+        parse_vector,
+        require_robot_file,
+    )
     from ...session import load_camera_info
 
+    require_robot_file(robot)
     if camera is None:
         camera = typer.prompt("Link that carries the camera", err=True)
         if camera_at is None:

@@ -174,7 +174,7 @@ def say_plan(output: Output, plan: Plan) -> None:
     if unseen:
         output.say(f"not to be seen: {', '.join(unseen)}")
     turned = ", ".join(
-        f"{math.degrees(m.yaw_rad):+.0f}°/{math.degrees(m.pitch_rad):+.0f}°" for m in plan.mirrors
+        f"{round(math.degrees(m.yaw_rad)):+d}°/{round(math.degrees(m.pitch_rad)):+d}°" for m in plan.mirrors
     )
     output.say(
         f"{len(plan.view)} pictures; the mirror {100 * plan.distance_m:.0f} cm before the board, turned/leaning by {turned}"

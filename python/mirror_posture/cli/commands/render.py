@@ -117,7 +117,8 @@ def command(
             progress=lambda done, total: count(done),
         )
     output.say(
-        f"{len(chosen) * len(views)} pictures of {len(chosen)} postures are in {folder}, their truth in truth.json"
+        f"{len(chosen) * len(views)} pictures of {len(chosen)} posture{'' if len(chosen) == 1 else 's'} are in {folder}, their truth in "
+        "truth.json"
     )
     output.say(f"next: mirror-posture detect {folder}")
     output.result({"session": folder, "pictures": len(chosen) * len(views), "postures": len(chosen)})

@@ -14,7 +14,7 @@ from ..result import Diagnosis
 from .apply import ROBOT, parts_of
 from .lerobot import patch_lerobot
 from .own_mjcf import patch_own_mjcf
-from .own_urdf import patch_own_urdf, patch_text
+from .own_urdf import patch_own_urdf, patch_text, require_places
 from .own_xacro import patch_own_xacro
 from .ros2_control import patch_ros2_control
 from .ur_calibration import patch_ur_calibration
@@ -68,8 +68,14 @@ def write_own_files(
             continue
         if not own.is_file():
             raise MirrorPostureError(f"{own}: there is no such file")
-        if own is urdf and is_xacro(read_xml(own)):
-            patched = patch_own_xacro(XacroTree(own, xacro_arguments, packages), robot, better)
+        tree = None
+        if own is urdf:
+            text = read_xml(own)
+            tree = XacroTree(own, xacro_arguments, packages) if is_xacro(text) else None
+            shown = Urdf(text if tree is None else tree.expand({}), str(own))
+            require_places(own, shown, robot, [cause.at for cause in causes], _mounts(session))
+        if tree is not None:
+            patched = patch_own_xacro(tree, robot, better)
             for file, text in (patched.texts or {own: read_xml(own)}).items():
                 out = files.place_of(file)
                 write_file(out, text.encode("utf-8"))
@@ -126,6 +132,12 @@ def twice_told(written: Sequence[OwnFile]) -> list[str]:
         for joint in files[False]
         if joint in files[True]
     ]
+
+
+def _mounts(session: Session) -> set[str]:
+    """The links that hold the session's camera, board and markers: `init` adds them to the robot's own."""
+    mounts = {marker.link for marker in session.markers}
+    return mounts | {link for link in (session.camera_link, session.board and session.board.link) if link}
 
 
 def _lines(told: dict[tuple[str, str], str]) -> tuple[str, ...]:

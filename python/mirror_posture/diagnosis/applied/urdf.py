@@ -25,6 +25,7 @@ class Urdf:
         joints = [child for child in XmlText(text, file).root.children if child.tag == "joint"]
         self.joints = {joint.attributes.get("name", ""): joint for joint in joints}
         self.joint_of_child = {_link(joint, "child"): name for name, joint in self.joints.items()}
+        self.links = {_link(joint, role) for joint in joints for role in ("parent", "child")}
         self._origins: dict[str, Floats] = {}
         self._axes: dict[str, Floats] = {}
 
