@@ -21,7 +21,7 @@ from mirror_posture import MirrorPostureError, load_session
 from mirror_posture.capture import Capture, CaptureOptions, Recorder, Stage, open_source
 from mirror_posture.capture.server import CaptureServer
 from mirror_posture.capture.sources import Shot, shown_source
-from mirror_posture.plan import PlannedFrame
+from mirror_posture.plan import PlannedFrame, read_plan
 from mirror_posture.render import EMBEDDED_FOLDER, PictureOptions, View, render_session
 from mirror_posture.robots import Arrival, Nominal
 from small_arm import run
@@ -123,6 +123,15 @@ def test_what_is_left_and_what_a_stop_keeps_is_told(
     assert "1 of 2 pictures are kept in" in kept and "the same command continues" in kept
     kept = " ".join(run("capture", session, "--source", folder, "--overwrite", code=130).stderr.split())
     assert kept == "error: stopped"
+
+
+def test_a_plan_whose_pictures_are_half_taken_is_not_replaced(session: Path) -> None:
+    table = session / "plan" / "postures.csv"
+    rows, before = read_plan(table, Nominal.load(session).robot), table.read_bytes()
+    Recorder(session, rows).add(rows[0], np.zeros((48, 64, 3), np.uint8), 0.0, {})
+    told = " ".join(run("plan", session, "--mirror-size", "50x50", code=1).stderr.split())
+    assert "1 of 2 pictures of this plan are taken" in told and "--overwrite" in told, told
+    assert table.read_bytes() == before
 
 
 def test_a_picture_without_a_board_is_left_out_and_named(

@@ -84,6 +84,12 @@ def command(
             help="Plan nothing: judge the plan that is there, after its rows, a mount or a tolerance were changed.",
         ),
     ] = False,
+    overwrite: Annotated[
+        bool,
+        typer.Option(
+            "--overwrite", help="Replace a plan of which some pictures are taken; they fit no plan then."
+        ),
+    ] = False,
     as_json: JsonOption = False,
 ) -> None:
     """Plan postures and views for this robot, mirror and room, and predict what they will show, before any
@@ -122,6 +128,8 @@ def command(
             )
         output.say(f"every row of {folder / POSTURES} can be taken")
         return
+    if not overwrite:
+        _refuse_half_taken(session, folder)
     width, height = wanted_size(mirror_size)
     options = PlanOptions(
         mirror_width_m=width,
@@ -146,6 +154,28 @@ def command(
     output.say(f"written: {folder}/postures.csv, views.csv, plan.json; look at {folder}/plan.png")
     output.say(f"next: mirror-posture capture {session}")
     output.result({"plan": folder, **document(plan)})
+
+
+def _refuse_half_taken(session: Path, folder: Path) -> None:
+    """Raises `MirrorPostureError` where some pictures of the plan in the folder are taken, and not all."""
+    from ...capture import Recorder
+    from ...plan import read_plan
+    from ...plan.table import POSTURES
+    from ...robots import Nominal
+
+    if not (folder / POSTURES).is_file():
+        return
+    try:
+        frames = read_plan(folder / POSTURES, Nominal.load(session).robot)
+        taken = len(Recorder(session, frames).taken) if frames else 0
+    except MirrorPostureError:
+        # A plan that cannot be read, or pictures of another one: nothing belongs to this plan.
+        return
+    if 0 < taken < len(frames):
+        raise MirrorPostureError(
+            f"{folder}: {taken} of {len(frames)} pictures of this plan are taken; `mirror-posture capture {session}` takes the others; for "
+            "another plan give --out, or --overwrite to replace it"
+        )
 
 
 def say_plan(output: Output, plan: Plan) -> None:

@@ -198,6 +198,11 @@ fn far(gap: Option<f64>, floor: Option<f64>, points: usize) -> bool {
     matches!((gap, floor), (Some(gap), Some(floor)) if gap > most * floor)
 }
 
+/// Whether a joint, or its log, is told to stand still in a run of rows: rows beside them are the rest of that.
+fn stood_still(diagnosis: &Diagnosis) -> bool {
+    diagnosis.causes.iter().any(|c| c.effect == "joint_frozen")
+}
+
 /// Whether a place is a joint of which a cause is told.
 fn names_joint(diagnosis: &Diagnosis, at: &str) -> bool {
     at.starts_with("joint:") && diagnosis.causes.iter().any(|c| c.at.split("<-").next() == Some(at))
@@ -270,7 +275,7 @@ pub(crate) fn reserve(diagnosis: &mut Diagnosis, findings: &Findings<'_>) {
         let at = format!("joint:{joint}");
         tell_left_out(diagnosis, Where { at, share: 1.0, depends_on: Some("row".into()) }, told);
     } else if let Some(LeftOutTogether { marker, depends_on, told }) =
-        left_out_together(&diagnosis.data, problem)
+        left_out_together(&diagnosis.data, problem).filter(|_| !stood_still(diagnosis))
     {
         let at = format!("marker:{marker}");
         tell_left_out(diagnosis, Where { at, share: 1.0, depends_on: Some(depends_on) }, told);
