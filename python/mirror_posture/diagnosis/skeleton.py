@@ -126,7 +126,8 @@ def draw_robot(session: Session, found: Diagnosis) -> Drawing:
         named, (start, end) = view is VIEWS[0], stance.width_mm(view)
         _mark(ax, [(stance.flat(link, view), colour, text) for link, colour, text in marked], named, end)
         # The unit once: a slim robot's side has no room for it.
-        ax.set_title(f"from {view[0]}, mm", color=INK, fontsize=10, loc="left")
+        unit = ", mm" if named else ""
+        ax.set_title(f"from {view[0]}{unit}", color=INK, fontsize=10, loc="left")
         # The axis ends with the robot; names are beside it.
         ax.set_xticks([t for t in ax.get_xticks() if start <= t <= end])
         ax.spines.bottom.set_bounds(start, end)
