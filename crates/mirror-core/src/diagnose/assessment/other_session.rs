@@ -20,11 +20,11 @@ use std::sync::Arc;
 /// shares are undone for the gap after.
 pub(crate) fn check(findings: &Findings<'_>, prepared: &Prepared, other: &OtherSession) -> Result<Checked> {
     let recording = other.recording.clone().validated(other.robot.position_count())?;
-    let given = Problem::new(&other.robot, &recording)?;
-    let mut problem = prepared.in_another_session(&other.robot, &recording)?;
-    problem.cancel = findings.search.problem.cancel.clone();
+    let mut given = Problem::new(&other.robot, &recording)?;
+    given.cancel = findings.search.problem.cancel.clone();
+    let mut problem = prepared.in_another_session(&other.robot, &recording, given.clone())?;
     problem.noise = noise::estimate(&problem, &problem.nominal(), problem.noise)?;
-    let given = Problem { cancel: problem.cancel.clone(), noise: problem.noise, ..given };
+    given.noise = problem.noise;
     let here = &findings.search;
     let mut effects = vocabulary();
     effects.extend(own_effects(&other.own, &problem.scene)?);

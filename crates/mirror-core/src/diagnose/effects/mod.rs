@@ -323,7 +323,7 @@ fn joint_of(place: Place) -> Option<NodeId> {
 }
 
 /// A common size of an angular error at a joint, rad (about 3°); of a prismatic joint the same displacement at the reach, m.
-fn joint_error(scene: &Scene, node: NodeId, typical_rad: f64) -> f64 {
+pub(crate) fn joint_error(scene: &Scene, node: NodeId, typical_rad: f64) -> f64 {
     if scene.body.nodes[node].prismatic { typical_rad * scene.reach_m.max(0.05) } else { typical_rad }
 }
 

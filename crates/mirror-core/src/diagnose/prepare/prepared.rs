@@ -98,14 +98,19 @@ impl Prepared {
         self.undone.as_ref().map_or(given, |u| &u.recording)
     }
 
-    /// Another session, arranged with the mistakes undone that this one has and that are not of its rows alone.
+    /// Another session, as it is arranged, with the mistakes undone that this one has and that are not of its rows alone.
     ///
     /// # Errors
     /// Invalid parameters of camera or mirror.
-    pub fn in_another_session(&self, robot: &Robot, recording: &Recording) -> Result<Problem> {
+    pub fn in_another_session(
+        &self,
+        robot: &Robot,
+        recording: &Recording,
+        arranged: Problem,
+    ) -> Result<Problem> {
         match &self.undone {
-            Some(undone) => undone.undone_in(robot, recording),
-            None => Problem::new(robot, recording),
+            Some(undone) => undone.undone_in(robot, recording, arranged),
+            None => Ok(arranged),
         }
     }
 

@@ -218,6 +218,11 @@ impl<'a> Weighed<'a> {
         mistakes
     }
 
+    /// Log evidence of a chain at a noise; of an invalid one −∞.
+    fn log_evidence(&mut self, which: usize, noise: Noise) -> Result<f64> {
+        self.fits[which].as_mut().map_or(Ok(f64::NEG_INFINITY), |fit| fit.log_evidence(noise))
+    }
+
     /// The smallest noise that any chain leaves.
     fn noise(&self) -> Noise {
         let least = self.session.problem.noise;
@@ -256,7 +261,7 @@ impl<'a> Weighed<'a> {
         }
         let Some(mut far) = self.fitted(&self.chains[0], Tolerant::from_afar)? else { return Ok(()) };
         let noise = smaller(self.noise(), far.noise);
-        let near = self.fits[0].as_mut().map_or(Ok(f64::NEG_INFINITY), |fit| fit.log_evidence(noise))?;
+        let near = self.log_evidence(0, noise)?;
         if far.log_evidence(noise)? > near {
             self.fits[0] = Some(far);
             (*values, *log_odds) = self.log_odds(sought);
@@ -281,7 +286,7 @@ impl<'a> Weighed<'a> {
         let free: Vec<_> = columns.into_iter().map(|column| (column, USUAL_WIDTH, 0.0)).collect();
         let mut friction = Tolerant::fitted_with(problem, &self.frames, problem.noise, free)?;
         let noise = smaller(self.noise(), friction.noise);
-        let late = self.fits[best].as_mut().map_or(Ok(f64::NEG_INFINITY), |fit| fit.log_evidence(noise))?;
+        let late = self.log_evidence(best, noise)?;
         if friction.log_evidence(noise)? > late + log_prior(&self.chains[best].mistakes, sought) {
             self.fits[0] = Some(friction);
             (*values, *log_odds) = self.log_odds(sought);
@@ -306,7 +311,7 @@ impl<'a> Weighed<'a> {
         let Some(mut of_none) = beside(&self.fits[0])? else { return Ok(None) };
         let noise = smaller(self.noise(), of_none.fit.noise);
         let prior = log_prior(&self.chains[best].mistakes, sought);
-        let rival = self.fits[best].as_mut().map_or(Ok(f64::NEG_INFINITY), |fit| fit.log_evidence(noise))?;
+        let rival = self.log_evidence(best, noise)?;
         let odds = of_none.fit.log_evidence(noise)? + of_none.log_prior;
         if odds <= rival + prior {
             return Ok(None);

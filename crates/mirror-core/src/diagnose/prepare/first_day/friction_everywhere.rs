@@ -5,6 +5,7 @@
 //! friction: `δ_j = −w_j sign(q_j − q_j before)`, each width with its usual prior.
 
 use super::variant::{Variant, seen_joints};
+use crate::diagnose::effects::joint_error;
 use crate::diagnose::model::elementary::{Atom, Column, Weight};
 use crate::diagnose::model::problem::Problem;
 use crate::diagnose::principles::Prior;
@@ -18,7 +19,7 @@ pub(super) fn friction_columns(problem: &Problem, log: &Variant) -> Vec<Column> 
     let joints = seen_joints(body, &problem.scene.relevant).into_iter();
     let column = |(joint, node): (usize, usize)| {
         let multiplier = body.nodes[node].command.1;
-        let size = if body.nodes[node].prismatic { problem.scene.reach_m } else { 1.0 };
+        let size = joint_error(&problem.scene, node, 1.0);
         let (mut before, mut last) = (None, 0.0_f64);
         let signs = log.column(joint).into_iter().map(|q| {
             let moved = before.replace(q).map_or(0.0, |before| multiplier * (q - before));

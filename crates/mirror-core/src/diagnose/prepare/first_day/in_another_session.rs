@@ -44,17 +44,16 @@ impl Mistake {
 }
 
 impl Undone {
-    /// Another session, arranged with the lasting mistakes of this one undone, in the same order; as it is where its robot has other
-    /// joints or its markers other names.
+    /// Another session, arranged with the lasting mistakes of this one undone, in the same order; as it was `arranged` where its
+    /// robot has other joints or its markers other names.
     ///
     /// # Errors
     /// Invalid parameters of camera or mirror.
-    pub fn undone_in(&self, robot: &Robot, recording: &Recording) -> Result<Problem> {
-        let mut problem = Problem::new(robot, recording)?;
-        let joints = |p: &Problem| p.scene.body.nodes.iter().map(|n| n.joint.clone()).collect::<Vec<_>>();
-        if joints(&problem) != joints(&self.problem)
-            || problem.scene.marker_names != self.problem.scene.marker_names
-        {
+    pub fn undone_in(&self, robot: &Robot, recording: &Recording, arranged: Problem) -> Result<Problem> {
+        let mut problem = arranged;
+        let (own, its) = (&self.problem.scene, &problem.scene);
+        let joints = own.body.nodes.iter().map(|node| &node.joint);
+        if !joints.eq(its.body.nodes.iter().map(|node| &node.joint)) || own.marker_names != its.marker_names {
             return Ok(problem);
         }
         let (mut robot, mut recording) = (robot.clone(), recording.clone());

@@ -287,11 +287,7 @@ impl<'a> Misfit<'a> {
         variant: &Variant,
         frame: usize,
     ) -> (Option<Pose>, Option<SeenBoard>) {
-        // A mirror that is fitted again poses the frame itself.
-        let board = self.board(work, variant, frame);
-        variant.nodes(&self.problem.scene.body, frame, &mut work.positions);
-        work.frame.pose_as(self.problem, &self.known, frame, &work.positions);
-        (self.camera_from_world(work), board)
+        self.posed_by(FrameWork::pose_as, work, variant, frame)
     }
 
     /// As [`Misfit::pose`], only the nodes that the variant's markers and the session's other sites ride on.
@@ -301,19 +297,25 @@ impl<'a> Misfit<'a> {
         variant: &Variant,
         frame: usize,
     ) -> (Option<Pose>, Option<SeenBoard>) {
-        let problem = self.problem;
         let in_place = |(site, own): (&Site, &Site)| site.node == own.node;
-        if !variant.sites.iter().zip(&problem.marker_sites).all(in_place) {
-            return self.pose(work, variant, frame);
-        }
-        let board = self.board(work, variant, frame);
-        variant.nodes(&problem.scene.body, frame, &mut work.positions);
-        work.frame.pose_sites_as(problem, &self.known, frame, &work.positions);
-        (self.camera_from_world(work), board)
+        let all_in_place = variant.sites.iter().zip(&self.problem.marker_sites).all(in_place);
+        // The session's own nodes are not those of a marker that is tried on another link.
+        let nodes = if all_in_place { FrameWork::pose_sites_as } else { FrameWork::pose_as };
+        self.posed_by(nodes, work, variant, frame)
     }
 
-    fn camera_from_world(&self, work: &Work) -> Option<Pose> {
-        self.eye.as_ref().map(|eye| work.frame.camera_from_world(self.problem, eye))
+    fn posed_by(
+        &self,
+        pose: fn(&mut FrameWork, &Problem, &Deformation, usize, &[f64]),
+        work: &mut Work,
+        variant: &Variant,
+        frame: usize,
+    ) -> (Option<Pose>, Option<SeenBoard>) {
+        // A mirror that is fitted again poses the frame itself.
+        let board = self.board(work, variant, frame);
+        variant.nodes(&self.problem.scene.body, frame, &mut work.positions);
+        pose(&mut work.frame, self.problem, &self.known, frame, &work.positions);
+        (self.eye.as_ref().map(|eye| work.frame.camera_from_world(self.problem, eye)), board)
     }
 
     /// Where a marker is, in the world, in the frame that was posed last.

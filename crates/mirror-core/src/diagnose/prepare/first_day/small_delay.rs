@@ -53,22 +53,23 @@ pub(super) fn find(problem: &Problem, recording: &Recording) -> Result<Option<(M
             }
         }
     }
-    let late = columns.len();
-    let friction = friction_columns(problem, &log).into_iter().map(|column| (LateKind::Blend, column));
-    columns.extend(friction);
+    let friction = friction_columns(problem, &log);
     let (mut group, mut start) = (beside.group.clone(), beside.start.clone());
     let first = group.columns.len();
-    for (k, (_, column)) in columns.iter().enumerate() {
+    let late = columns.iter().map(|(_, column)| (column, USUAL_ROWS));
+    for (column, std) in late.chain(friction.iter().map(|column| (column, USUAL_WIDTH))) {
         group.columns.push(column.clone());
-        group.prior_std.push(if k < late { USUAL_ROWS } else { USUAL_WIDTH });
+        group.prior_std.push(std);
         start.group.push(0.0);
     }
     let none = Catalogue::new(&problem.scene, Vec::new(), &[]);
     let here = Linearised::at(problem, &none, &group, &start, FitOptions { noise, steps: 0 }, None)?;
     let first = here.first_group() + first;
-    let all: Vec<usize> = (first..first + columns.len()).collect();
+    let first_friction = first + columns.len();
+    let of_friction: Vec<usize> = (first_friction..first_friction + friction.len()).collect();
+    let all: Vec<usize> = (first..first_friction).chain(of_friction.iter().copied()).collect();
     let of = |kind: LateKind| {
-        let own = columns[..late].iter().enumerate().filter(|(_, c)| c.0 == kind);
+        let own = columns.iter().enumerate().filter(|(_, c)| c.0 == kind);
         let own: Vec<usize> = own.map(|(k, _)| first + k).collect();
         let (rows, log_bayes) = here.together(&own, &all, USUAL_ROWS)?;
         // A log that is early lies between the rows of the other side.
@@ -84,7 +85,6 @@ pub(super) fn find(problem: &Problem, recording: &Recording) -> Result<Option<(M
     let Some((rows, kind, log_bayes)) = best.filter(|b| b.2 > BEYOND_DOUBT && b.0.abs() < MOST_ROWS) else {
         return Ok(None);
     };
-    let of_friction: Vec<usize> = (first + late..first + columns.len()).collect();
     if here.together(&of_friction, &all, USUAL_WIDTH).is_some_and(|friction| friction.1 > log_bayes) {
         return Ok(None);
     }
