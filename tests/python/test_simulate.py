@@ -19,6 +19,7 @@ from mirror_posture.diagnosis.result import Diagnosis
 mujoco = pytest.importorskip("mujoco")
 pytest.importorskip("mirror_lab")
 
+WITH_PICTURES = "frame,posture,image,shoulder,elbow\n0,0,images/0.png,0.1,0.2\n"
 SIMULATED = ("gear_ratio", "link_length", "axis_tilt")
 
 
@@ -156,6 +157,27 @@ def test_the_command_writes_the_staircase_and_names_a_missing_joint(made: Made, 
     refused = CliRunner().invoke(app, ["simulate", str(session), "--model", str(other)])
     assert refused.exit_code == 1
     assert "has no joint" in refused.output and "hinge" in refused.output
+
+
+def test_a_session_in_which_nothing_is_seen_is_refused_with_the_command_that_detects(tmp_path: Path) -> None:
+    """Before: tables of dashes and exit code 0."""
+    from session_folder import write_folder
+    from small_arm import run
+
+    pictures = write_folder(
+        tmp_path / "pictures",
+        detections=None,
+        frames=WITH_PICTURES,
+        points="frame,marker,x,y,z\n0,hand,0.1,0.2,0.3\n",
+    )
+    (pictures / "images").mkdir()
+    (pictures / "images" / "0.png").write_bytes(b"")
+    told = run("simulate", pictures, code=1).stderr
+    assert "nothing is detected yet" in told and f"`mirror-posture detect {pictures}`" in told
+    blank = write_folder(tmp_path / "blank", detections="frame,target,index,u,v\n")
+    told = run("simulate", blank, code=3).stderr
+    assert "no frame shows a marker together with the board" in told
+    assert f"`mirror-posture check {blank}`" in told
 
 
 def test_optics_and_a_board_on_another_body_than_the_camera_can_be_held(made: Made) -> None:

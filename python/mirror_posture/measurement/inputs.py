@@ -13,6 +13,14 @@ from .residuals import excess_of_markers
 from .types import NothingMeasuredError
 
 
+def require_detected(session: Session) -> None:
+    """Raises `MirrorPostureError`, with the command that detects, for a session without image points."""
+    if not session.detected:
+        raise MirrorPostureError(
+            f"{session.folder}: nothing is detected yet, neither board nor markers; run `mirror-posture detect {session.folder}` first"
+        )
+
+
 def nominal_camera_from_board(session: Session) -> Floats:
     """(F, 4, 4), by the model at the commanded joint positions.
 

@@ -15,7 +15,7 @@ from ..arguments import checked_arguments
 from ..arrays import Floats
 from ..session import Session, as_session
 from ..view_check import refuse_mistakes
-from .inputs import a_from_b, core_input, noise_px, nominal_camera_from_board
+from .inputs import a_from_b, core_input, noise_px, nominal_camera_from_board, require_detected
 from .options import ESTIMATORS, EXACT_STD, JOINT_MOUNT_STD_M, JOINT_MOUNT_STD_RAD, MeasureOptions
 from .residuals import WIDEN_ABOVE, Assumed, Tested, excess_of_markers, judge_views, widen_markers
 from .types import Markers, Measurement, Mirrors, NothingMeasuredError, mapped
@@ -53,10 +53,7 @@ def measure_all(
             )
     session = as_session(session)
     nominal = nominal_camera_from_board(session)
-    if not session.detected:
-        raise MirrorPostureError(
-            f"{session.folder}: has pictures and no detections yet; run `mirror-posture detect` on it first"
-        )
+    require_detected(session)
     refuse_mistakes(session)
     return [_measure(session, nominal, one) for one in options]
 

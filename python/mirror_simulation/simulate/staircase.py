@@ -16,6 +16,8 @@ from mirror_posture import MirrorPostureError
 from mirror_posture.diagnosis.applied.apply import parts_of
 from mirror_posture.diagnosis.parts import Cause
 from mirror_posture.diagnosis.result import Diagnosis
+from mirror_posture.measurement.inputs import require_detected
+from mirror_posture.measurement.types import NothingMeasuredError
 from mirror_posture.session import Session, load_session
 
 from .causes import add_cause, is_held
@@ -105,13 +107,16 @@ def simulate(
     order.
 
     Raises:
-        MirrorPostureError: a session without camera and board; a model that MuJoCo cannot load, or that lacks a joint or link of the session.
+        MirrorPostureError: a session without camera and board, or without detections; a model that MuJoCo cannot load, or that lacks
+            a joint or link of the session.
+        NothingMeasuredError: no frame shows a marker together with the board.
     """
     loaded = session if isinstance(session, Session) else load_session(session)
     if loaded.camera is None or loaded.board is None:
         raise MirrorPostureError(
             f"{loaded.folder}: has no camera and board; the simulator's gap is measured in the mirror's pictures"
         )
+    require_detected(loaded)
     if found is not None:
         loaded = _without_left_out(loaded, found)
     file = Path(model) if model is not None else None
@@ -127,6 +132,11 @@ def simulate(
 
     with ThreadPoolExecutor(workers or os.cpu_count() or 1) as pool:
         results = list(pool.map(run, range(len(causes) + 1)))
+    if not results[0][0].pixels and not results[0][0].measured:
+        raise NothingMeasuredError(
+            f"{loaded.folder}: no frame shows a marker together with the board in the mirror, so there is nothing to compare the "
+            f"simulator with; `mirror-posture check {loaded.folder}` lists what is seen"
+        )
     final = results[-1][2]
     stairs = [Stair(None, "the model as it is", results[0][0])]
     for cause, (gap, told, _) in zip(causes, results[1:], strict=True):
