@@ -11,6 +11,7 @@ from ..._core import MirrorPostureError
 from ...input_files import given_text
 from ...output_files import write_file
 from ..parts import Cause
+from .another_robot import Check
 
 TICKS = 4096
 """A turn of the servos that LeRobot drives (STS3215, XL330, XL430)."""
@@ -21,7 +22,11 @@ SIGN = {"feetech": -1, "dynamixel": 1}
 
 
 def patch_lerobot(
-    own: Path, causes: Sequence[Cause], out: Path, motors: str = "feetech"
+    own: Path,
+    causes: Sequence[Cause],
+    out: Path,
+    motors: str = "feetech",
+    check: Check | None = None,
 ) -> dict[tuple[str, str], str]:
     """Writes a LeRobot calibration file whose homing offsets compensate joint offsets; returns what was
     written.
@@ -29,9 +34,10 @@ def patch_lerobot(
     `θ = q + a`: a motor's reading must grow by a, `a · 4096 / 2π` ticks, so its `homing_offset` changes by
     as many, down on Feetech servos, up on Dynamixel's. The ranges stay: LeRobot counts degrees from their
     middle. The motors' direction of counting is taken to be the joint's. Only the numbers change.
+    `check` takes the motors' names.
 
     Raises:
-        MirrorPostureError: no such file, or not one of LeRobot's; unknown motors; an offset beyond the register.
+        MirrorPostureError: no such file, or not one of LeRobot's; unknown motors; an offset beyond the register; what `check` raises.
     """
     if motors not in SIGN:
         raise MirrorPostureError(f"motors: got {motors!r}, needed one of {', '.join(SIGN)}")
@@ -46,6 +52,8 @@ def patch_lerobot(
         raise MirrorPostureError(
             f"{own}: is no LeRobot calibration: needed a whole `homing_offset` for each motor"
         )
+    if check is not None:
+        check(list(tree))
     told = {}
     for cause in causes:
         if cause.effect != "joint_offset":

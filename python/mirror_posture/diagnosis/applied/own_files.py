@@ -5,16 +5,18 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 from ..._core import MirrorPostureError
 from ...output_files import write_file
 from ...session import Session
 from ..result import Diagnosis
+from .another_robot import require_joints, require_places
 from .apply import ROBOT, parts_of
 from .lerobot import patch_lerobot
 from .own_mjcf import patch_own_mjcf
-from .own_urdf import patch_own_urdf, patch_text, require_places
+from .own_urdf import patch_own_urdf, patch_text
 from .own_xacro import patch_own_xacro
 from .ros2_control import patch_ros2_control
 from .ur_calibration import patch_ur_calibration
@@ -60,6 +62,7 @@ def write_own_files(
         MirrorPostureError: a file that is missing or another robot's; two files of one name.
     """
     causes = [part for cause in found.causes for part in parts_of(cause)]
+    places = [cause.at for cause in causes]
     robot = Urdf(read_xml(session.robot_file))
     better = Urdf(read_xml(folder / ROBOT))
     files = _Files(folder)
@@ -73,7 +76,7 @@ def write_own_files(
             text = read_xml(own)
             tree = XacroTree(own, xacro_arguments, packages) if is_xacro(text) else None
             shown = Urdf(text if tree is None else tree.expand({}), str(own))
-            require_places(own, shown, robot, [cause.at for cause in causes], _mounts(session))
+            require_places(own, shown, robot, places, _mounts(session))
         if tree is not None:
             patched = patch_own_xacro(tree, robot, better)
             for file, text in (patched.texts or {own: read_xml(own)}).items():
@@ -82,16 +85,17 @@ def write_own_files(
                 files.add(file, out, patched.told)
             continue
         out = files.place_of(own)
+        check = partial(require_joints, own, robot, places)
         if own is urdf:
             told = tuple(f"joint {name}" for name in patch_own_urdf(own, robot, better, out))
         elif own is mjcf:
-            told = _lines(patch_own_mjcf(own, causes, out))
+            told = _lines(patch_own_mjcf(own, causes, out, check))
         elif own is ur:
             told = patch_ur_calibration(own, robot, better, out)
         elif own is ros2_control:
-            told = _lines(patch_ros2_control(own, causes, out))
+            told = _lines(patch_ros2_control(own, causes, out, partial(check, whole=False)))
         else:
-            told = _lines(patch_lerobot(own, causes, out, motors))
+            told = _lines(patch_lerobot(own, causes, out, motors, partial(check, what="motor", whole=False)))
         files.add(own, out, told, moves_robot=own in (lerobot, ros2_control))
     return tuple(files.written)
 

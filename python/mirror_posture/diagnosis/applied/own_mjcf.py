@@ -13,6 +13,7 @@ from ..._core import MirrorPostureError
 from ...output_files import write_file
 from ..parts import Cause
 from ..vocabulary import joint_terms
+from .another_robot import Check
 from .mjcf import LEAST_STIFFNESS, PLAY_DAMPING, SERVO_RATE, STOP_TIME_S
 from .xml_text import Element, XmlText, read_xml
 
@@ -23,7 +24,9 @@ WRITTEN = {"offset", "share", "play", "compliance", "dead_band"}
 names frames differently from a URDF."""
 
 
-def patch_own_mjcf(own: Path, causes: Sequence[Cause], out: Path) -> dict[tuple[str, str], str]:
+def patch_own_mjcf(
+    own: Path, causes: Sequence[Cause], out: Path, check: Check | None = None
+) -> dict[tuple[str, str], str]:
     """Writes a user's MJCF with the causes that it can hold; returns what was written, by effect and place.
 
     - an offset a: the joint's `ref` becomes ref − a, since MuJoCo turns by qpos − ref.
@@ -32,10 +35,10 @@ def patch_own_mjcf(own: Path, causes: Sequence[Cause], out: Path) -> dict[tuple[
     - a dead band: `frictionloss` = kp times the dead band, kp of the joint's position servo.
 
     The written file is loaded by MuJoCo before it is kept. What cannot be written is told with its reason, which starts
-    with "not written".
+    with "not written". `check` takes the names of the file's joints, of included files too.
 
     Raises:
-        MirrorPostureError: MuJoCo is missing, or one of the files cannot be loaded.
+        MirrorPostureError: MuJoCo is missing, or one of the files cannot be loaded; what `check` raises.
     """
     try:
         import mujoco  # type: ignore[import-untyped, unused-ignore]
@@ -43,6 +46,9 @@ def patch_own_mjcf(own: Path, causes: Sequence[Cause], out: Path) -> dict[tuple[
         raise MirrorPostureError("an MJCF needs MuJoCo: pip install 'mirror-posture[mujoco]'") from None
     text = read_xml(own)
     model = _load(mujoco, own, own)
+    if check is not None:
+        names = [mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_JOINT, index) for index in range(model.njnt)]
+        check([name for name in names if name])
     document = XmlText(text, str(own))
     degrees = not _radians(document)
     told = {}

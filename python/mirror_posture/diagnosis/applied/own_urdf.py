@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import difflib
-import re
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
 from ..._core import MirrorPostureError
 from ...output_files import write_file
-from ...session.errors import choices
 from .urdf import Urdf
 from .xml_text import read_xml
 
@@ -57,36 +55,6 @@ def correct_joints(urdf: Urdf, before: Urdf, after: Urdf, shown_as: str, why: st
             urdf.set_axis(name, after.axis(name))
         changed.append(name)
     return changed
-
-
-def require_places(
-    own: Path, urdf: Urdf, robot: Urdf, places: Sequence[str], mounts: Collection[str]
-) -> None:
-    """A user's URDF has the joints and links at which something was found; where nothing of it moves, any joint of the session's robot.
-
-    `places` are those of the causes; `mounts` are the session's own links, which the file need not have.
-
-    Raises:
-        MirrorPostureError: a file without them, with what it lacks and what it has.
-    """
-    moving = [name for name in robot.joints if robot.kind(name) != "fixed"]
-    joints = [name for name in moving if any(name in place_joints(place) for place in places)]
-    links = [link for link in sorted(robot.links) if f"link:{link}" in places and link not in mounts]
-    lacks = [f"joint {name}" for name in joints if name not in urdf.joints]
-    lacks += [f"link {name}" for name in links if name not in urdf.links]
-    if not (joints or links) and moving and not any(name in urdf.joints for name in moving):
-        lacks = [f"joint {name}" for name in moving]
-    if lacks:
-        has = [name for name in urdf.joints if urdf.kind(name) != "fixed"]
-        raise MirrorPostureError(
-            f"{own}: has no {choices(lacks)}, of the session's robot; its joints: {choices(has)}; is it another robot's? "
-            "Give the file from which the session's robot.urdf was made"
-        )
-
-
-def place_joints(place: str) -> list[str]:
-    """The joints that a place names: `joint:NAME`, or two of them (`joint:A<->joint:B`)."""
-    return re.findall(r"joint:([^<]+)", place)
 
 
 def patch_text(before: str, after: str, name: str) -> str:

@@ -9,6 +9,7 @@ from pathlib import Path
 from ..._core import MirrorPostureError
 from ...output_files import write_file
 from ..parts import Cause
+from .another_robot import Check
 from .xml_text import Element, XmlText, read_xml
 
 WRITTEN = ("joint_offset", "gear_ratio")
@@ -16,15 +17,18 @@ SIMPLE = "SimpleTransmission"
 _EXPRESSION = re.compile(r"\$\{([^}]*)\}\Z")
 
 
-def patch_ros2_control(own: Path, causes: Sequence[Cause], out: Path) -> dict[tuple[str, str], str]:
+def patch_ros2_control(
+    own: Path, causes: Sequence[Cause], out: Path, check: Check | None = None
+) -> dict[tuple[str, str], str]:
     """Writes a file with `<ros2_control>` (a URDF, or xacro) whose transmissions allow for zeros and gears; returns what was written.
 
     A simple transmission reports `q = x / n + o` for an actuator's x, reduction n and offset o. The joint stands at `q + a`
     (`joint_offset` a), or at `(1 + e) q` (`gear_ratio` e), so o becomes `o + a`, or n becomes `n / (1 + e)` and o `(1 + e) o`. Only these
     numbers change; an expression `${x}` becomes `${x + a}`. The robot's URDF then stays as it is: told in both it would count twice.
+    `check` takes the joints' names, unless some are expressions of xacro.
 
     Raises:
-        MirrorPostureError: no such file, or none with `<ros2_control>`.
+        MirrorPostureError: no such file, or none with `<ros2_control>`; what `check` raises.
     """
     document = XmlText(read_xml(own), str(own))
     sections = [element for element in document.elements if element.tag == "ros2_control"]
@@ -32,6 +36,9 @@ def patch_ros2_control(own: Path, causes: Sequence[Cause], out: Path) -> dict[tu
         raise MirrorPostureError(
             f"{own}: has no <ros2_control>; give the file in which your hardware is described"
         )
+    names = _joint_names(document)
+    if check is not None and not any("$" in name for name in names):
+        check(names)
     told = {}
     for cause in causes:
         if cause.effect not in WRITTEN:
@@ -125,12 +132,7 @@ def _changed(text: str, operator: str, value: float) -> str | None:
 def _why_not(document: XmlText, joints: Sequence[Element], name: str) -> str:
     """What the file has of a joint instead of a transmission."""
     if not joints:
-        there = dict.fromkeys(
-            element.attributes.get("name", "")
-            for element in document.elements
-            if element.tag == "joint" and _inside(element, "ros2_control")
-        )
-        return f"no joint {name!r} in <ros2_control>; it has {', '.join(there) or 'none'}"
+        return f"no joint {name!r} in <ros2_control>; it has {', '.join(_joint_names(document)) or 'none'}"
     offset = next(
         (
             param
@@ -144,6 +146,17 @@ def _why_not(document: XmlText, joints: Sequence[Element], name: str) -> str:
         param = offset.attributes["name"]
         return f"joint {name} has a parameter {param} = {document.inner(offset).strip()!r}, whose unit only its driver knows"
     return f"joint {name} has no <transmission>"
+
+
+def _joint_names(document: XmlText) -> list[str]:
+    """The joints of `<ros2_control>`, each once."""
+    return list(
+        dict.fromkeys(
+            element.attributes.get("name", "")
+            for element in document.elements
+            if element.tag == "joint" and _inside(element, "ros2_control")
+        )
+    )
 
 
 def _by_hand(cause: Cause) -> str:
