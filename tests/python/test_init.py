@@ -146,6 +146,25 @@ def test_a_board_that_looks_away_is_told(arm: Path, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (["--mirror-size", "4x8"], "a mirror of 4 x 8 cm is too small to show the board of 16 x 10 cm whole"),
+        (["--mirror-size", "400x600"], "a mirror of 400 x 600 cm is larger than 3 m: is --mirror-size in mm? It needs cm"),
+        (["--camera-at=-5,12,25"], "the camera is 28.2 m from the root"),
+        (["--marker", "palm=upper@13,0,2"], "marker palm is 13.2 m from the root, of a robot that reaches 0.05 m"),
+        (["--mirror-at", "100,20,30"], "the mirror's centre is 106 m from the root"),
+    ],
+)  # fmt: skip
+def test_sizes_and_places_in_another_unit_are_told(
+    words: list[str], told: str, arm: Path, tmp_path: Path
+) -> None:
+    """Before, not a word."""
+    warned = run("init", arm, tmp_path / "s", *WORDS, "--square-mm", "20", *words).stderr
+    assert f"warning: {told}" in warned
+    assert warned.count("warning: ") == 2, "one for the guessed camera file, and this one"
+
+
+@pytest.mark.parametrize(
     ("words", "problem"),
     [
         (["--camera", "head"], "no link 'head'; it has base, upper"),
@@ -157,7 +176,18 @@ def test_a_board_that_looks_away_is_told(arm: Path, tmp_path: Path) -> None:
         (["--corners", "7x5"], "one odd and one even"),
         (["--camera-at", "nan,0,0"], "finite"),
         (["--picture", "wide"], "two whole numbers"),
-        (["--ball-mm", "0"], "above 0"),
+        (["--ball-mm", "0"], "needed 1 to below 500 mm\n"),
+        (["--ball-mm", "0.02"], "needed 1 to below 500 mm: is it in another unit?"),
+        (["--glass-mm", "400"], "--glass-mm: got 400, needed 0 to below 50 mm"),
+        (["--glass-mm", "0.004"], "or 0.1 mm and more: is it in m?"),
+        (["--tolerance-deg", "400"], "needed 0 to below 180 degrees"),
+        (
+            ["--mirror-size", "0.6x0.8"],
+            "a mirror of 6 x 8 mm; needed WIDTHxHEIGHT in cm, each from 2 to below 1000",
+        ),
+        (["--mirror-size", "4000x6000"], "is it in mm?"),
+        (["--focal-px", "4"], "camera.yaml: camera_matrix: got fx = 4 px"),
+        (["--picture", "2x2"], "needed at least 16 px a side"),
         (["--package", "x=/nowhere-at-all"], "NAME=FOLDER"),
     ],
 )

@@ -84,7 +84,10 @@ def two_counts(given: str, option: str, example: str) -> tuple[int, int]:
 
 
 def mirror_size(given: str | None) -> tuple[float | None, float | None]:
-    """Width and height in m, of a text in cm, `40x60`; None where nothing is given. Raises `MirrorPostureError` for another text."""
+    """Width and height in m, of a text in cm, `40x60`; None where nothing is given. Raises `MirrorPostureError` for another text, and for
+    sizes that no mirror has."""
+    from ..formats.session_keys import LARGEST_MIRROR_M, SMALLEST_MIRROR_M
+
     if given is None:
         return None, None
     try:
@@ -93,4 +96,10 @@ def mirror_size(given: str | None) -> tuple[float | None, float | None]:
         width = height = math.nan
     if not (0.0 < width < math.inf and 0.0 < height < math.inf):
         raise MirrorPostureError(f"--mirror-size: got {given!r}, needed WIDTHxHEIGHT in cm, as in 40x60")
+    small = min(width, height) < SMALLEST_MIRROR_M
+    if small or max(width, height) >= LARGEST_MIRROR_M:
+        raise MirrorPostureError(
+            f"--mirror-size: got {given!r}, a mirror of {1000 * width:g} x {1000 * height:g} mm; needed WIDTHxHEIGHT in cm, each from "
+            f"{100 * SMALLEST_MIRROR_M:g} to below {100 * LARGEST_MIRROR_M:g}, as in 40x60: is it in {'m' if small else 'mm'}?"
+        )
     return width, height

@@ -22,8 +22,8 @@ FLOAT_GLASS_INDEX = 1.52
 """Refractive index of the glass that mirrors are made of."""
 LARGEST_INDEX = 3.0
 """Diamond has 2.4."""
-LARGEST_MIRROR_M = 10.0
-"""Width and height."""
+SMALLEST_MIRROR_M, LARGEST_MIRROR_M = 0.02, 10.0
+"""Width and height; beyond these they are in another unit."""
 SMALLEST_PIXEL_STD, SMALLEST_POINT_STD_M = 1e-6, 1e-9
 """Below these rounding is larger: nothing would agree with anything."""
 LARGEST_PIXEL_STD, LARGEST_POINT_STD_M, LARGEST_TOLERANCE_M = 20.0, 0.05, 0.5
@@ -169,7 +169,7 @@ MIRROR = Section(
             what="Of what reflects, for `plan` and `render --meshes`; no fit uses it.",
             unit="m",
             default=None,
-            above=0.0,
+            at_least=SMALLEST_MIRROR_M,
             below=LARGEST_MIRROR_M,
         ),
         Number(
@@ -177,7 +177,7 @@ MIRROR = Section(
             what="Likewise.",
             unit="m",
             default=None,
-            above=0.0,
+            at_least=SMALLEST_MIRROR_M,
             below=LARGEST_MIRROR_M,
         ),
         Numbers(

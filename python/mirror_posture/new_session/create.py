@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any
 from xml.sax.saxutils import quoteattr
 
-import numpy as np
 import tomli_w
 
 from .._core import MirrorPostureError
@@ -20,11 +19,13 @@ from ..mirror import IDEAL_MIRROR, Mirror
 from ..output_files import new_folder
 from ..robot import Robot
 from ..session.camera_info import dump_camera_info
+from ..session.plausibility import check_camera
 from ..session.write import mirror_keys
 from ..shapes import Triangles, keep_coarse_meshes
 from .from_mjcf import urdf_from_mjcf
 from .mjcf_shapes import origin_text
 from .mounts import CameraMount, FaceMount, MarkerMount
+from .unusual import facing_apart, far_away, size_of_mirror
 
 CAMERA_LINK, BOARD_LINK, MARKER_SUFFIX = "session_camera_optical", "session_board", "_marker"
 GRAVITY = 9.81
@@ -85,6 +86,7 @@ def create_session(
     if folder.exists():
         _check_replaceable(folder, overwrite)
     require_robot_file(robot_file)
+    unusual = check_camera(camera, "camera.yaml")
     text = read_xml(robot_file)
     meshes: dict[str, Triangles] = {}
     root = XmlText(text, str(robot_file)).root.tag
@@ -122,9 +124,14 @@ def create_session(
         (part / "session.toml").write_text(tomli_w.dumps(tree), encoding="utf-8")
         if also is not None:
             also(part)
-    return NewSession(
-        folder, robot, camera_link, board_link, marker_links, tuple(_warnings(robot, camera_link, board_link))
-    )
+    places = {"the camera": camera_link, "the board": board_link}
+    places |= {f"marker {name}": link for name, link in marker_links.items()}
+    unusual += [
+        *facing_apart(robot, camera_link, board_link),
+        *far_away(bare, robot, places, mirror),
+        *size_of_mirror(mirror, [(count + 1) * board["square"] for count in board["corners"]]),
+    ]
+    return NewSession(folder, robot, camera_link, board_link, marker_links, tuple(unusual))
 
 
 def _gravity(up: Sequence[float]) -> list[float]:
@@ -209,17 +216,3 @@ def _marker(marker: MarkerMount, link: str, diameter_m: float, hue_deg: float) -
         told["tolerance_m"] = marker.tolerance_m
     color = {"hue": hue_deg, "hue_tolerance": HUE_TOLERANCE_DEG, "min_saturation": 0.5, "min_value": 0.2}
     return {**told, "color": color}
-
-
-def _warnings(robot: Robot, camera_link: str, board_link: str) -> list[str]:
-    """What is odd with all joints at 0: in a mirror before the camera only a face that looks the same way is seen."""
-    zero = np.zeros((1, len(robot.position_names)))
-    root_from_camera, root_from_board = robot.link_poses(zero, [camera_link, board_link])[0]
-    along = float(root_from_camera[:3, 2] @ root_from_board[:3, 2])
-    angle = math.degrees(math.acos(min(1.0, max(-1.0, along))))
-    if angle > 80.0:
-        return [
-            f"with all joints at 0 the board's face and the camera look {angle:.0f}° apart: a mirror before the camera then "
-            "shows the board's back or edge; check --camera-looks and --board-faces"
-        ]
-    return []

@@ -16,6 +16,7 @@ from .plausible_boards import board_distance, facing, flat_boards
 from .plausible_rows import encoders, one_command_a_posture, points
 
 if TYPE_CHECKING:
+    from ..camera import Camera
     from ..robot import Robot
     from .types import Session
 
@@ -87,10 +88,13 @@ def _reach(session: Session, reach_m: float) -> None:
 
 
 def _camera(session: Session) -> list[str]:
-    camera = session.camera
-    if camera is None:
+    if session.camera is None:
         return []
-    name = str(session.metadata.get("camera", "camera.yaml"))
+    return check_camera(session.camera, str(session.metadata.get("camera", "camera.yaml")))
+
+
+def check_camera(camera: Camera, name: str) -> list[str]:
+    """A camera of a file of this name: raises `SessionError` for numbers that none has; returns what is unusual."""
     width, height = camera.width_px, camera.height_px
     if min(width, height) < LEAST_PICTURE_PX:
         raise SessionError(

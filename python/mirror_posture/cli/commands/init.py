@@ -14,6 +14,8 @@ from ..values import package_folders, two_counts, xacro_arguments
 
 ORDER = 4
 PANEL = "Setting up"
+SMALLEST_BALL_MM, THINNEST_GLASS_MM = 1.0, 0.1
+"""Below these a length is in m."""
 
 
 def command(
@@ -101,6 +103,7 @@ def command(
     from ..._core import MirrorPostureError
     from ...board_sheet import BoardSheet
     from ...camera import Camera
+    from ...formats.session_keys import LARGEST_MARKER_M, LARGEST_TOLERANCE_M, THICKEST_GLASS_M
     from ...mirror import Mirror
     from ...new_session import (
         CameraMount,
@@ -129,15 +132,21 @@ def command(
     given = list(marker or ())
     while not given:
         given = typer.prompt("Markers as NAME=LINK@X,Y,Z, with blanks between them", err=True).split()
-    for option, value in (
-        ("--tolerance-mm", tolerance_mm),
-        ("--tolerance-deg", tolerance_deg),
-        ("--glass-mm", glass_mm),
+    for option, value, least, below, unit in (
+        ("--tolerance-mm", tolerance_mm, 0.0, 1000.0 * LARGEST_TOLERANCE_M, "mm"),
+        ("--tolerance-deg", tolerance_deg, 0.0, 180.0, "degrees"),
+        ("--glass-mm", glass_mm, 0.0, 1000.0 * THICKEST_GLASS_M, "mm"),
+        ("--ball-mm", ball_mm, SMALLEST_BALL_MM, 1000.0 * LARGEST_MARKER_M, "mm"),
     ):
-        if not (math.isfinite(value) and value >= 0.0):
-            raise MirrorPostureError(f"{option}: got {value!r}, needed a number from 0 on")
-    if not (math.isfinite(ball_mm) and ball_mm > 0.0):
-        raise MirrorPostureError(f"--ball-mm: got {ball_mm!r}, needed a diameter above 0")
+        if not least <= value < below:
+            asked = ": is it in another unit?" if value > 0.0 else ""
+            raise MirrorPostureError(
+                f"{option}: got {value:g}, needed {least:g} to below {below:g} {unit}{asked}"
+            )
+    if 0.0 < glass_mm < THINNEST_GLASS_MM:
+        raise MirrorPostureError(
+            f"--glass-mm: got {glass_mm:g}, needed 0 (silvered in front), or {THINNEST_GLASS_MM:g} mm and more: is it in m?"
+        )
     nx, ny = two_counts(corners, "--corners", "7x4")
     mirror_width_m, mirror_height_m = wanted_size(mirror_size)
     tolerance_m, tolerance_rad = tolerance_mm / 1000.0, math.radians(tolerance_deg)
