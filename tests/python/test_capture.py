@@ -161,6 +161,18 @@ def test_bad_sources_say_what_is_needed(session: Path, tmp_path: Path) -> None:
     assert "secret" not in shown_source("rtsp://me:secret@cam/1")
 
 
+def test_a_plan_of_another_robot_is_named_with_what_its_columns_need(session: Path, pictures: Path) -> None:
+    """Before, neither the file nor what to do."""
+    file = session / "plan" / "postures.csv"
+    file.write_text(file.read_text().replace("r_elbow", "elbow_flex"))
+    told = " ".join(run("capture", session, "--source", pictures, code=1).stderr.split())
+    assert f"{file}: got columns of elbow_flex, needed joints of this robot that move by themselves" in told
+    assert (
+        "r_elbow" in told
+        and "is it the plan of another robot? Plan once more with mirror-posture plan" in told
+    )
+
+
 def test_a_film_tells_its_own_time(tmp_path: Path) -> None:
     file = tmp_path / "film.avi"
     film = cv2.VideoWriter(str(file), cv2.VideoWriter.fourcc(*"MJPG"), 8.0, (64, 48))

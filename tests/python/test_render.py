@@ -25,6 +25,7 @@ from mirror_posture.render import (
     render_session,
     view_planes,
 )
+from small_arm import run, setup
 
 SHRINK = 8
 """Tests of geometry draw pictures of an eighth of the size: the same rays' angles in a fraction of the time."""
@@ -231,3 +232,28 @@ def test_what_cannot_be_drawn_is_refused(template: Path, painter: Painter, tmp_p
     with pytest.raises(MirrorPostureError, match="camera_optical"):
         painter.draw({"base_link": np.eye(4)}, plane)
     assert list(tmp_path.iterdir()) == []
+
+
+def test_the_demonstrations_postures_are_not_of_every_robot(tmp_path: Path) -> None:
+    """Before, it named a joint that nobody had typed, and not what to do."""
+    session = setup(tmp_path)
+    told = run("render", tmp_path / "drawn", "--template", session, "--postures", 1, code=1).stderr
+    assert f"{session / 'robot.urdf'}: has no joint l_elbow, " in told
+    assert "of the demonstration's postures; its joints: pan, lift, elbow; is it another robot's?" in told
+    assert "--meshes" in told and not (tmp_path / "drawn").exists()
+
+
+@pytest.mark.parametrize(
+    ("words", "problem"),
+    [
+        (["--mirror-size", "30x40"], "--mirror-size: without --meshes it changes nothing"),
+        (["--meshes", "--seed", "3", "--no-noise"], "--noise, --seed: is of pictures without --meshes"),
+        (["--meshes", "--plan", "plan", "--joint", "pan=3", "--yaw", "4"], "the plan has its own postures and mirrors"),
+    ],
+)  # fmt: skip
+def test_options_that_would_change_nothing_are_refused(
+    words: list[str], problem: str, tmp_path: Path
+) -> None:
+    """Before, they were taken without a word."""
+    assert problem in run("render", tmp_path / "drawn", *words, code=1).stderr
+    assert not (tmp_path / "drawn").exists()

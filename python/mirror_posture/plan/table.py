@@ -15,6 +15,7 @@ from .._core import MirrorPostureError
 from ..formats.plan_keys import FORMAT, VERSION
 from ..output_files import new_folder
 from ..robot import Robot
+from ..session.errors import choices
 from ..session.tables import open_table
 from ..session.write import write_table
 from .run import Plan
@@ -142,8 +143,11 @@ def read_plan(file: Path, robot: Robot) -> list[PlannedFrame]:
     if len(set(columns["frame"])) < len(columns["frame"]):
         raise MirrorPostureError(f"{file}: a frame stands there twice; needed each once")
     joints = [name for name in columns if name not in ("frame", "posture")]
-    for name in joints:
-        robot.position_index(name)
+    if unknown := [name for name in joints if name not in robot.position_names]:
+        raise MirrorPostureError(
+            f"{file}: got columns of {choices(unknown)}, needed joints of this robot that move by themselves: "
+            f"{choices(robot.position_names)}; is it the plan of another robot? Plan once more with mirror-posture plan"
+        )
     beside = file.parent / VIEWS
     views = dict.fromkeys(columns["frame"], 0.0)
     if beside.is_file():

@@ -71,3 +71,12 @@ def choices(names: object, limit: int = 40, got: str | None = None) -> str:
         listed.sort(key=lambda name: -SequenceMatcher(None, got, name).ratio())
     more = f", and {len(listed) - limit} more" if len(listed) > limit else ""
     return ", ".join(listed[:limit]) + more
+
+
+def another_robots(
+    file: Path, lacks: object, of: str, has: object, fix: str, kind: str = "joints"
+) -> MirrorPostureError:
+    """The error of a file of another robot: what it lacks (`joint NAME`, ...) of what was asked for, what it has of this kind, the fix."""
+    return MirrorPostureError(
+        f"{file}: has no {choices(lacks)}, of {of}; its {kind}: {choices(has)}; is it another robot's? {fix}"
+    )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -13,11 +13,19 @@ from ..output import JsonOption, Output
 from ..values import joint_values
 from ..values import mirror_size as wanted_size
 
+if TYPE_CHECKING:
+    from ...robots import Nominal
+
 ORDER = 20
 PANEL = "Pictures"
+WITH_MESHES = {"plan": "--plan", "joint": "--joint", "preview": "--preview", "mirror_size": "--mirror-size"}
+TRACED = {"postures": "--postures", "glass_mm": "--glass", "noise": "--noise", "seed": "--seed"}
+WITHOUT_PLAN = {"joint": "--joint", "yaw_deg": "--yaw", "distance_mm": "--distance"}
+"""Parameters by what they are an option of."""
 
 
 def command(
+    context: typer.Context,
     folder: Annotated[Path, typer.Argument(help="The session's folder to be written.", show_default=False)],
     template: Annotated[
         Path | None,
@@ -86,14 +94,13 @@ def command(
     from ...render import DEMO_POSTURES, DEMO_VIEWS, EMBEDDED_FOLDER, PictureOptions, View, render_session
     from ...robots import Nominal
 
+    _refuse_unused(context, meshes, plan is not None)
     if meshes:
         _with_meshes(
             output, folder, template or EMBEDDED_FOLDER, plan, joint or [], mirror_size, preview, yaw_deg or [0.0], distance_mm,
             offset or [], overwrite,
         )  # fmt: skip
         return
-    if plan is not None or joint or preview:
-        raise MirrorPostureError("--plan, --joint and --preview: need --meshes")
     views = DEMO_VIEWS if not yaw_deg else tuple(View(yaw_rad=math.radians(yaw)) for yaw in yaw_deg)
     views = tuple(View(view.yaw_rad, view.pitch_rad, distance_mm / 1000.0) for view in views)
     options = PictureOptions(glass_thickness_m=glass_mm / 1000.0)
@@ -102,14 +109,14 @@ def command(
             glass_thickness_m=glass_mm / 1000.0, full_well_electrons=None, read_noise_electrons=0.0
         )
     chosen = DEMO_POSTURES[:postures]
+    nominal = Nominal.load(template or EMBEDDED_FOLDER)
+    _require_joints(nominal, {name for posture in chosen for name in posture})
     with output.counting("drawing", len(chosen) * len(views)) as count:
         render_session(
             folder,
             chosen,
             views,
-            offsets_rad=joint_values(
-                offset or [], "--offset", Nominal.load(template or EMBEDDED_FOLDER).robot
-            ),
+            offsets_rad=joint_values(offset or [], "--offset", nominal.robot),
             options=options,
             template=template or EMBEDDED_FOLDER,
             seed=seed,
@@ -122,6 +129,40 @@ def command(
     )
     output.say(f"next: mirror-posture detect {folder}")
     output.result({"session": folder, "pictures": len(chosen) * len(views), "postures": len(chosen)})
+
+
+def _refuse_unused(context: typer.Context, meshes: bool, planned: bool) -> None:
+    """Raises `MirrorPostureError` for options that were given and would change nothing."""
+    sources = {name: context.get_parameter_source(name) for name in context.params}
+    # By name: some releases of typer have click's classes twice.
+    given = {name for name, source in sources.items() if source is not None and source.name == "COMMANDLINE"}
+    for names, unused, why in (
+        (WITH_MESHES, not meshes, "without --meshes it changes nothing; add --meshes, or leave it out"),
+        (TRACED, meshes, "is of pictures without --meshes; leave it out, or leave out --meshes"),
+        (
+            WITHOUT_PLAN,
+            meshes and planned,
+            "the plan has its own postures and mirrors; leave it out, or leave out --plan",
+        ),
+    ):
+        found = [option for name, option in names.items() if name in given]
+        if unused and found:
+            raise MirrorPostureError(f"{', '.join(found)}: {why}")
+
+
+def _require_joints(nominal: Nominal, names: set[str]) -> None:
+    """Raises `MirrorPostureError` where the demonstration's postures are another robot's."""
+    from ...session.errors import another_robots
+
+    has = nominal.robot.position_names
+    if lacks := sorted(names - set(has)):
+        raise another_robots(
+            nominal.robot_file,
+            [f"joint {name}" for name in lacks],
+            "the demonstration's postures",
+            has,
+            "Draw your own robot with --meshes, in postures of --joint or --plan",
+        )
 
 
 def _with_meshes(

@@ -6,10 +6,10 @@ import re
 from collections.abc import Callable, Collection, Sequence
 from pathlib import Path
 
-from ..._core import MirrorPostureError
-from ...session.errors import choices
+from ...session.errors import another_robots
 from .urdf import Urdf
 
+OF = "the session's robot"
 Check = Callable[[Sequence[str]], None]
 """Takes the names of a file's joints; raises `MirrorPostureError` where they are another robot's."""
 
@@ -29,9 +29,8 @@ def require_places(
     lacks = _lacking(wanted, urdf.joints, whole=bool(_found_at(robot, places)))
     told = [f"joint {name}" for name in lacks] + [f"link {name}" for name in links if name not in urdf.links]
     if told:
-        raise _another(
-            own, told, "joints", _moving(urdf), "Give the file from which the session's robot.urdf was made"
-        )
+        fix = "Give the file from which the session's robot.urdf was made"
+        raise another_robots(own, told, OF, _moving(urdf), fix)
 
 
 def require_joints(
@@ -55,7 +54,7 @@ def require_joints(
     lacks = _lacking(found or _moving(robot), has, whole=whole and bool(found))
     if lacks:
         fix = f"Give the file of this robot; its {what}s need the names of the joints in the session's robot.urdf"
-        raise _another(own, [f"{what} {name}" for name in lacks], f"{what}s", has, fix)
+        raise another_robots(own, [f"{what} {name}" for name in lacks], OF, has, fix, f"{what}s")
 
 
 def place_joints(place: str) -> list[str]:
@@ -76,9 +75,3 @@ def _lacking(wanted: Sequence[str], has: Collection[str], *, whole: bool) -> lis
     """What is wanted and is not there; unless `whole`, nothing where a part of it is there."""
     missing = [name for name in wanted if name not in has]
     return missing if whole or len(missing) == len(wanted) else []
-
-
-def _another(own: Path, lacks: Sequence[str], kind: str, has: Sequence[str], fix: str) -> MirrorPostureError:
-    return MirrorPostureError(
-        f"{own}: has no {choices(lacks)}, of the session's robot; its {kind}: {choices(has)}; is it another robot's? {fix}"
-    )
