@@ -13,6 +13,7 @@ from ._core import MirrorPostureError
 from .arrays import Floats, Mask
 from .board import Board
 from .camera import Camera
+from .counted import counted
 
 LEAST_VIEWS, GOOD_VIEWS = 4, 12
 CELLS = (8, 6)
@@ -67,7 +68,7 @@ def calibrate_camera(
     used = np.array([bool(mask.sum() >= 6) for mask in seen], dtype=bool)
     if used.sum() < LEAST_VIEWS:
         raise MirrorPostureError(
-            f"calibration: got {int(used.sum())} views with 6 corners or more, needed {LEAST_VIEWS}, better {GOOD_VIEWS}"
+            f"calibration: got {counted(int(used.sum()), 'view')} with 6 corners or more, needed {LEAST_VIEWS}, better {GOOD_VIEWS}"
         )
     in_board = board.corner_in_board_m
 
@@ -148,9 +149,11 @@ def _weak(views: int, left_out: int, covered: Mask, tilt_rad: float, focal_std: 
     weak = []
     coverage = float(covered.mean())
     if views < GOOD_VIEWS:
-        weak.append(f"{views} views: take {GOOD_VIEWS} or more")
+        weak.append(f"{counted(views, 'view')}: take {GOOD_VIEWS} or more")
     if left_out:
-        weak.append(f"{left_out} views do not fit the others: look at them (bent board, blur, a wrong grid)")
+        weak.append(
+            f"{counted(left_out, 'view does', 'views do')} not fit the others: look at them (bent board, blur, a wrong grid)"
+        )
     if coverage < GOOD_COVERAGE:
         weak.append(
             f"corners in {100 * coverage:.0f} % of the picture: hold the board into the corners and edges too, the {_emptiest(covered)} first"

@@ -75,7 +75,7 @@ def test_a_view_that_does_not_fit_is_left_out_and_named() -> None:
     made[4] = made[4] + np.random.default_rng(0).normal(0, 5, made[4].shape)
     done = calibrate_camera(BOARD, made, SIZE)
     assert np.flatnonzero(~done.used).tolist() == [4] and any(
-        "1 views do not fit" in text for text in done.weak
+        "1 view does not fit" in text for text in done.weak
     )
     assert done.camera.focal_px[0] == pytest.approx(FOCAL[0], rel=0.01)
     made[5][:25] = np.nan

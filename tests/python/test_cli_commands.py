@@ -107,7 +107,7 @@ def test_a_stop_keeps_the_pictures_that_were_done(
     monkeypatch.setattr(into_session, "detect_pictures", stop_at_the_second)
     result = run("detect", rendered, "--out", tmp_path / "new", code=130)
     partial = tmp_path / "new.partial.csv"
-    assert "1 pictures were done" in result.stderr and str(partial) in result.stderr
+    assert "1 picture was done" in result.stderr and str(partial) in result.stderr
     assert set(pyarrow.csv.read_csv(partial)["frame"].to_pylist()) == {0}
     assert not (tmp_path / "new").exists()
 

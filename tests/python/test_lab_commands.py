@@ -56,7 +56,7 @@ def test_one_blind_case_is_made_and_scored(tmp_path: Path, monkeypatch: pytest.M
     run("blind run blind-set blind-results --workers 1")
     assert json.loads(result.read_text()) == told
     text = run("blind score blind-set blind-results --out blind-score")
-    assert "1 sessions" in text and (tmp_path / "blind-score" / "score.html").is_file()
+    assert "1 session;" in text and (tmp_path / "blind-score" / "score.html").is_file()
 
 
 def test_one_motion_is_made_and_scored(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

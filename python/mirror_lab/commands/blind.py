@@ -18,6 +18,7 @@ import typer
 
 from mirror_posture._core import MirrorPostureError
 from mirror_posture.cli.output import JsonOption, Output
+from mirror_posture.counted import counted
 
 if TYPE_CHECKING:
     from concurrent.futures import Executor, Future
@@ -176,7 +177,9 @@ def make(
             made = make_cases(
                 out, cases, seed, options, plan, workers or CORES, lambda _, left: count(cases - left)
             )
-    output.table(f"{len(made)} sessions in {out}", ["*", "*"], [("answers, sealed", str(out / "answers"))])
+    output.table(
+        f"{counted(len(made), 'session')} in {out}", ["*", "*"], [("answers, sealed", str(out / "answers"))]
+    )
     output.result({"sessions": [str(p) for p in made], "answers": str(out / "answers")})
 
 
@@ -280,5 +283,5 @@ def score(
     if result["by_hand"]:
         within = result["by_hand"]["mounts"]["within_95"]
         rows.append(("Mounts within the claimed 95 %", f"{within['hits']} / {within['of']}"))
-    output.table(f"{result['sessions']} sessions; page in {out / 'score.html'}", ["*", "*"], rows)
+    output.table(f"{counted(result['sessions'], 'session')}; page in {out / 'score.html'}", ["*", "*"], rows)
     output.result(result)

@@ -11,6 +11,7 @@ from typing import Annotated
 import typer
 
 from mirror_posture.cli.output import JsonOption, Output
+from mirror_posture.counted import counted
 
 ORDER = 91
 PANEL = "Diagnosis"
@@ -52,7 +53,9 @@ def make(
         made = make_cases(out, cases, seed, tuple(robot or ROBOTS), (least, most), seconds, effect or ())
     except ValueError as error:
         raise MirrorPostureError(str(error)) from None
-    output.say(f"written: {len(made)} sessions in {out}; `mirror-posture moving run {out}` diagnoses them")
+    output.say(
+        f"written: {counted(len(made), 'session')} in {out}; `mirror-posture moving run {out}` diagnoses them"
+    )
     output.result([str(folder) for folder in made])
 
 

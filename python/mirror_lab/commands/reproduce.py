@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from mirror_posture.cli.output import JsonOption, Output
+from mirror_posture.counted import counted
 
 if TYPE_CHECKING:
     from ..reproduce import Experiment
@@ -82,7 +83,7 @@ def command(
         rows(done),
     )
     files = ", ".join(str(out / name) for name in ("report.html", "report.md", "reproduce.json"))
-    output.say(f"written: {files}, {sum(len(e.pictures) for e in done)} pictures")
+    output.say(f"written: {files}, {counted(sum(len(e.pictures) for e in done), 'picture')}")
     output.result(document(options, done))
 
 

@@ -18,6 +18,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from .._core import MirrorPostureError
+from ..counted import counted
 from ..plan.table import PlannedFrame
 from ..robots import CommandedRobot, Nominal
 from ..robots.nominal import detect_look
@@ -180,7 +181,7 @@ class Capture:
     def _record(self, frame: PlannedFrame, shot: Shot) -> None:
         self.recorder.add(frame, shot.picture, shot.time_s, self._measured)
         balls = int(self.found.marker_seen.sum()) if self.found is not None else 0
-        self.message = f"taken: posture {frame.frame}, board and {balls} balls"
+        self.message = f"taken: posture {frame.frame}, board and {counted(balls, 'ball')}"
         self._say(f"frame {frame.frame}: board and {balls} of {len(self.nominal.marker_names)} balls")
         if self.current is None:
             self._end("all postures of the plan are taken")
@@ -217,8 +218,7 @@ class Capture:
         return sum(1 for f in self.plan if f.frame not in self.recorder.taken)
 
     def _left_in_words(self) -> str:
-        left = self._left()
-        return "1 posture is not taken" if left == 1 else f"{left} postures are not taken"
+        return f"{counted(self._left(), 'posture is', 'postures are')} not taken"
 
     def do(self, action: str) -> str:
         """An action of the user: start, pause, turned, skip, again, finish. Returns what was done.

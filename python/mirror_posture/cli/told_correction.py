@@ -8,6 +8,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from ..counted import counted
 from .output import Output
 
 if TYPE_CHECKING:
@@ -32,7 +33,7 @@ def progress_of_looks(
                 live.update(_table(reports), refresh=True)
 
             def on_picture(look: object, number: int) -> None:
-                live.update(_table(reports, f"{number} pictures"), refresh=True)
+                live.update(_table(reports, counted(number, "picture")), refresh=True)
 
             yield live.console.print, on_look, on_picture
             if reports:

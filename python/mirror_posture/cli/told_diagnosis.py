@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from ..counted import counted
 from .output import Output
 
 if TYPE_CHECKING:
@@ -30,7 +31,7 @@ def write_results(output: Output, session: Session, found: Diagnosis, folder: Pa
             write_next_postures(found, part / NEXT_POSTURES)
     if count := len(found.next_postures):
         output.say(
-            f"written: {folder / NEXT_POSTURES}, {count} posture{'' if count == 1 else 's'} that would separate the alternatives"
+            f"written: {folder / NEXT_POSTURES}, {counted(count, 'posture')} that would separate the alternatives"
         )
     output.say(f"written: {folder / 'diagnosis.json'}, {folder / 'report.html'}, {folder / 'pictures'}")
 
@@ -130,7 +131,7 @@ def show_diagnosis(output: Output, folder: Path, found: Diagnosis) -> None:
             "Encoders that took no part in the fit: RMS of reading minus prediction, mrad (a prismatic joint: mm)",
             ("*joint", "before", "after", "before, zero free", "after, zero free"),
             [(e["joint"], *(f"{1e3 * e[key]:.2f}" for key in ENCODER_COLUMNS)) for e in encoders],
-            caption=f"{len(read) - len(encoders)} others read what is predicted"
+            caption=f"{counted(len(read) - len(encoders), 'other reads', 'others read')} what is predicted"
             if len(encoders) < len(read)
             else "",
         )

@@ -6,6 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
+from ..counted import counted
+
 StopKind = Literal[
     "converged",
     "stalled",
@@ -166,13 +168,14 @@ def _mm(value_m: float) -> str:
 
 
 def _list_mm(values_m: list[float]) -> str:
-    return ", ".join(f"{value * MILLIMETRES:.2f}" for value in values_m) + " mm"
+    *others, last = (f"{value * MILLIMETRES:.2f}" for value in values_m)
+    return (f"{', '.join(others)} and " if others else "") + f"{last} mm"
 
 
 def _converged(e: Mapping[str, Any]) -> str:
     return (
-        f"converged: every marker is below {_list_mm(e['below_m'])} from its target (measured {_list_mm(e['distance_m'])}), "
-        f"tolerance {_mm(e['tolerance_m'])}; wrong in at most {100 * e['wrong_converged']:g} % of corrections"
+        f"converged: every marker is within {_mm(e['tolerance_m'])} of its target (measured {_list_mm(e['distance_m'])} away, at most "
+        f"{_list_mm(e['below_m'])} with the measurement's uncertainty); wrong in at most {100 * e['wrong_converged']:g} % of corrections"
     )
 
 
@@ -184,7 +187,7 @@ def _stalled(e: Mapping[str, Any]) -> str:
         "out_of_reach": f"no posture of the free joints puts all markers on their targets; {_list_mm(e['left_m'])} are left at best",
         "too_uncertain": f"the error is within the measurement's noise, which reaches to {_list_mm(e['below_m'])}; take more or wider views",
     }
-    return f"stalled at {_list_mm(e['distance_m'])}: {causes[e['cause']]}"
+    return f"stalled at {_list_mm(e['distance_m'])} from the target{'s' if len(e['distance_m']) > 1 else ''}: {causes[e['cause']]}"
 
 
 def _diverging(e: Mapping[str, Any]) -> str:
@@ -192,12 +195,12 @@ def _diverging(e: Mapping[str, Any]) -> str:
 
 
 def _lost(e: Mapping[str, Any]) -> str:
-    return f"marker lost: {', '.join(e['markers'])} not measured in {e['looks']} looks in a row"
+    return f"marker lost: {', '.join(e['markers'])} not measured in {counted(e['looks'], 'look')} in a row"
 
 
 def _inconsistent(e: Mapping[str, Any]) -> str:
     readings = "; ".join(f"{r['marker']}: {doubt_in_words(r)}" for r in e["readings"])
-    return f"inconsistent readings in {e['looks']} looks in a row, not acted upon: {readings}"
+    return f"inconsistent readings in {counted(e['looks'], 'look')} in a row, not acted upon: {readings}"
 
 
 def _limit(e: Mapping[str, Any]) -> str:
@@ -210,7 +213,7 @@ def _limit(e: Mapping[str, Any]) -> str:
 
 
 def _budget(e: Mapping[str, Any]) -> str:
-    return f"budget spent: {e['looks']} looks; {_list_mm(e['distance_m'])} are left"
+    return f"budget spent: {counted(e['looks'], 'look')}; {_list_mm(e['distance_m'])} are left"
 
 
 def _interrupted(e: Mapping[str, Any]) -> str:

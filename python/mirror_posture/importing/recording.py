@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from ..arrays import Floats
 from ..camera import Camera
+from ..counted import counted
 from ..session.errors import SessionError
 
 Picture = npt.NDArray[Any]
@@ -39,7 +40,7 @@ class JointLog:
         if len(self.time_s) < 2 or self.position.shape != (len(self.time_s), len(self.names)):
             raise SessionError(
                 self.source,
-                f"got {len(self.time_s)} row{'' if len(self.time_s) == 1 else 's'} of positions, needed two or more; record the joints "
+                f"got {counted(len(self.time_s), 'row')} of positions, needed two or more; record the joints "
                 "while the pictures are taken",
             )
         for values in (self.time_s, self.position, *(() if self.measured is None else (self.measured,))):

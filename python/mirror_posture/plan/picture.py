@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..arrays import Floats
+from ..counted import counted
 from ..figure_settings import literal
 from .options import MirrorPlace
 from .run import Plan
@@ -71,7 +72,7 @@ def draw_plan(plan: Plan, file: Path) -> None:
     axes[0].legend(fontsize=8, loc="best")
     _table(bottom.subplots(), plan)
     figure.suptitle(
-        f"{robot.name}: {len(plan.view)} pictures, {len(plan.mirrors)} views, a mirror of "
+        f"{robot.name}: {counted(len(plan.view), 'picture')}, {counted(len(plan.mirrors), 'view')}, a mirror of "
         f"{100 * plan.mirrors[0].width_m:.0f} x {100 * plan.mirrors[0].height_m:.0f} cm, {100 * plan.distance_m:.0f} cm before the board"
     )
     figure.savefig(file, dpi=80)

@@ -10,6 +10,7 @@ import numpy as np
 
 from .._core import MirrorPostureError
 from ..arrays import Floats
+from ..counted import counted
 from .options import MirrorPlace, PlanOptions
 from .setting import Setting, draw
 
@@ -98,7 +99,7 @@ def room_of(
             )
         elif body.missing:
             warnings.append(
-                f"{len(body.missing)} meshes were not found, their links are NOT checked for collisions, as {body.missing[0]}; {where}"
+                f"{counted(len(body.missing), 'mesh was', 'meshes were')} not found, {'its link is' if len(body.missing) == 1 else 'their links are'} NOT checked for collisions, as {body.missing[0]}; {where}"
             )
         elif body.bare:
             warnings.append("the URDF has no shapes: collisions of the robot with itself are NOT checked")

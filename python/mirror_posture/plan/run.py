@@ -14,6 +14,7 @@ import numpy as np
 from .._core import MirrorPostureError
 from ..arguments import checked_arguments
 from ..arrays import Floats, Integers, Mask
+from ..counted import counted
 from ..robots.nominal import Nominal
 from .candidates import Candidates, sift
 from .causes import moments
@@ -98,7 +99,7 @@ def make_plan(
     frames = options.postures * (len(views) if options.same_postures else 1)
     sensitivity = Sensitivity(setting, SECONDS_A_FRAME, frames)
     typical = np.concatenate([cause.typical for cause in sensitivity.causes])
-    say(f"choosing among {len(candidates.view)} pictures")
+    say(f"choosing among {counted(len(candidates.view), 'picture')}")
     roots = information_roots(setting, sensitivity, candidates, mirrors, random)
     share = [options.postures // len(views) + (k < options.postures % len(views)) for k in range(len(views))]
     blocks = [options.postures] * len(views) if options.same_postures else share
@@ -115,7 +116,7 @@ def make_plan(
     tells = told_by(sensitivity, positions, [mirrors[v] for v in view], candidates.markers[rows])
     if len(rows) < sum(len(block) for block in chosen):
         warnings.append(
-            f"{sum(map(len, chosen)) - len(rows)} postures were left out: no free way led there from the one before"
+            f"{counted(sum(map(len, chosen)) - len(rows), 'posture was', 'postures were')} left out: no free way led there from the one before"
         )
     if len(rows) < frames:
         warnings.append(
@@ -278,7 +279,7 @@ def _too_few(nominal: Nominal, candidates: Candidates, count: int) -> MirrorPost
         for reason, n in sorted(candidates.reasons.items(), key=lambda r: -r[1])
     )
     return MirrorPostureError(
-        f"{nominal.folder}: only {count} pictures can be planned, needed {LEAST_FRAMES}. Of the postures that were drawn: {why}. "
+        f"{nominal.folder}: only {counted(count, 'picture')} can be planned, needed {LEAST_FRAMES}. Of the postures that were drawn: {why}. "
         "What helps: a larger mirror or another place (--mirror-size, --mirror-at), a table or floor that lies elsewhere (--table), "
         "less clearance (--clearance-mm), fewer joints (--hold), another --home, other places of camera, board and balls"
     )

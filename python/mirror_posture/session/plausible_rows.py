@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..counted import counted
 from .errors import SessionError
 
 if TYPE_CHECKING:
@@ -56,7 +57,7 @@ def one_command_a_posture(session: Session) -> None:
             "frames.csv" if not (session.folder / "frames.parquet").exists() else "frames.parquet",
             f"got {frames.commanded[row, column]:g} in posture {frames.posture[row]}, whose first row {before + 1} has "
             f"{frames.commanded[before, column]:g}; needed one command for all frames of a posture, or postures of their own "
-            f"({len(rows)} rows differ)",
+            f"({counted(len(rows), 'row differs', 'rows differ')})",
             row=row + 1,
             column=frames.joint_names[column],
         )

@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from ...counted import counted
 from ..output import JsonOption, Output
 from ..values import two_counts
 
@@ -90,7 +91,7 @@ def command(
             raise
         finally:
             opened.close()
-        output.say(f"{count} pictures are in {pictures}")
+        output.say(f"{counted(count, 'picture is', 'pictures are')} in {pictures}")
         if count == 0:
             raise MirrorPostureError(
                 f"--source {source}: the board was not held still in it; is it {corners}?"

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ..._core import MirrorPostureError
+from ...counted import counted
 from ..output import ExitCode, JsonOption, Output
 from ..told_correction import progress_of_looks, sliding_joints, tell_outcome
 from ..values import joint_values
@@ -172,7 +173,7 @@ def _run(output: Output, out: Path, settings: dict[str, Any], resume: bool) -> t
             raise MirrorPostureError(
                 f"--resume: {out} was begun with {settings['robot']!r}, not {asked['robot']!r}"
             )
-        output.say(f"going on with {len(recorder.past().looks)} pictures in {out}")
+        output.say(f"going on with {counted(len(recorder.past().looks), 'picture')} in {out}")
         posture = {str(name): float(value) for name, value in header["posture"].items()}
         nominal = recorder.nominal
     else:

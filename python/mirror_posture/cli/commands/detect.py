@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from ...counted import counted
 from ..output import (
     ExitCode,
     JsonOption,
@@ -84,7 +85,7 @@ def command(
         if done:
             partial = Path(str(session / "detections.partial.csv") if out is None else f"{out}.partial.csv")
             write_detections(with_detections(loaded, done), partial)  # type: ignore[arg-type]
-            output.warn(f"{len(done)} pictures were done: {partial}")
+            output.warn(f"{counted(len(done), 'picture was', 'pictures were')} done: {partial}")
         raise
     if out is None:
         other = find_table(session, "detections")
@@ -120,17 +121,19 @@ def command(
         for text in picture.warnings:
             output.warn(f"frame {frame}: {text}")
     output.table(
-        f"{session}: what was found in {len(rows)} pictures",
+        f"{session}: what was found in {counted(len(rows), 'picture')}",
         ("frame", "*picture", "*board", "residual px", "balls", "~not found"),
         rows,
     )
     for (what, reason), frames in _grouped([one for one in refused if one[1] != "picture"]).items():
-        output.say(f"{what}: {reason} (frames {', '.join(frames)})", style="dim")
+        output.say(
+            f"{what}: {reason} ({'frame' if len(frames) == 1 else 'frames'} {', '.join(frames)})", style="dim"
+        )
     for line in told_refusals(loaded, found.pictures):
         output.warn(line)
     boards = sum(row[2] == "yes" for row in rows)
     output.say(
-        f"{boards} of {len(rows)} boards, {sum(int(row[4]) for row in rows)} balls: {target}/detections.csv"
+        f"{boards} of {counted(len(rows), 'board')}, {counted(sum(int(row[4]) for row in rows), 'ball')}: {target}/detections.csv"
     )
     if overlays:
         output.say(f"look at: {target}/overlays/")

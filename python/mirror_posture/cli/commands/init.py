@@ -8,6 +8,7 @@ from typing import Annotated
 
 import typer
 
+from ...counted import counted
 from ..output import JsonOption, Output
 from ..values import mirror_size as wanted_size
 from ..values import package_folders, two_counts, xacro_arguments
@@ -206,7 +207,7 @@ def command(
         output.warn(text)
     if missing:
         output.say(
-            f"{len(missing)} meshes were not drawn (not found: --package NAME=FOLDER says where a ROS package lies; other kinds than STL need trimesh), as {missing[0]}"
+            f"{counted(len(missing), 'mesh was', 'meshes were')} not drawn (not found: --package NAME=FOLDER says where a ROS package lies; other kinds than STL need trimesh), as {missing[0]}"
         )
     output.say(f"written: {folder}/session.toml, robot.urdf, camera.yaml; look at {drawing}")
     output.say(f"joints that move: {', '.join(made.robot.position_names)}")

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ..._core import MirrorPostureError
+from ...counted import counted
 from ...input_files import given_text
 from ..detected import load_detected
 from ..output import ExitCode, JsonOption, Output, SessionArgument, write_json
@@ -208,7 +209,7 @@ def _show_rows(output: Output, measurement: Measurement, limit: int) -> None:
         f"Markers in the root frame, mm (x y z), by {measurement.estimator}",
         [columns[i] for i in kept],
         [[row[i] for i in kept] for row in shown],
-        caption=f"and {more} more rows: --rows {len(markers)}, or --out FILE" if more > 0 else "",
+        caption=f"and {counted(more, 'more row')}: --rows {len(markers)}, or --out FILE" if more > 0 else "",
     )
     reasons: dict[tuple[str, str], list[str]] = {}
     for k, reason in enumerate(markers.reason):
@@ -216,7 +217,10 @@ def _show_rows(output: Output, measurement: Measurement, limit: int) -> None:
             name = measurement.marker_names[markers.marker[k]]
             reasons.setdefault((name, reason), []).append(str(markers.posture[k]))
     for (name, reason), postures in reasons.items():
-        output.say(f"{name}: not measured, {reason} (postures {', '.join(postures)})", style="dim")
+        output.say(
+            f"{name}: not measured, {reason} ({'posture' if len(postures) == 1 else 'postures'} {', '.join(postures)})",
+            style="dim",
+        )
 
 
 def _show_summary(output: Output, measurement: Measurement) -> None:

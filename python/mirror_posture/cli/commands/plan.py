@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from ..._core import MirrorPostureError
+from ...counted import counted
 from ..output import JsonOption, Output
 from ..values import joint_values, package_folders
 from ..values import mirror_size as wanted_size
@@ -195,7 +196,7 @@ def say_plan(output: Output, plan: Plan) -> None:
     for one, twin in twins[:MOST_TWINS]:
         output.say(f"twins: {one.name} and {twin.name} are told apart {apart_in_words(plan, one, twin)}")
     if len(twins) > MOST_TWINS:
-        output.say(f"and {len(twins) - MOST_TWINS} more twins, in plan.json")
+        output.say(f"and {counted(len(twins) - MOST_TWINS, 'more twin')}, in plan.json")
     if plan.setting.carrying_all:
         output.say(
             f"cannot be seen, since they carry camera, board and balls alike: {', '.join(plan.setting.carrying_all)}"
@@ -207,7 +208,7 @@ def say_plan(output: Output, plan: Plan) -> None:
         f"{round(math.degrees(m.yaw_rad)):+d}°/{round(math.degrees(m.pitch_rad)):+d}°" for m in plan.mirrors
     )
     output.say(
-        f"{len(plan.view)} pictures; the mirror {100 * plan.distance_m:.0f} cm before the board, turned/leaning by {turned}"
+        f"{counted(len(plan.view), 'picture')}; the mirror {100 * plan.distance_m:.0f} cm before the board, turned/leaning by {turned}"
     )
     if plan.ignored_pairs:
         output.say(f"not checked, since they touch at home or always: {'; '.join(plan.ignored_pairs)}")

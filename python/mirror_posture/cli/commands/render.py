@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from ..._core import MirrorPostureError
+from ...counted import counted
 from ..output import JsonOption, Output
 from ..values import joint_values
 from ..values import mirror_size as wanted_size
@@ -124,7 +125,7 @@ def command(
             progress=lambda done, total: count(done),
         )
     output.say(
-        f"{len(chosen) * len(views)} pictures of {len(chosen)} posture{'' if len(chosen) == 1 else 's'} are in {folder}, their truth in "
+        f"{counted(len(chosen) * len(views), 'picture')} of {counted(len(chosen), 'posture')} {'is' if len(chosen) * len(views) == 1 else 'are'} in {folder}, their truth in "
         "truth.json"
     )
     output.say(f"next: mirror-posture detect {folder}")
@@ -225,10 +226,12 @@ def _with_meshes(
                 folder, nominal, frames, (width, height), offsets_rad=offsets, overwrite=overwrite,
                 progress=lambda done, total: count(done),
             )  # fmt: skip
-        output.say(f"{len(frames)} pictures are in {folder}, the actual joints in truth.json")
+        output.say(
+            f"{counted(len(frames), 'picture is', 'pictures are')} in {folder}, the actual joints in truth.json"
+        )
         output.say(f"next: mirror-posture detect {folder}")
         output.result({"session": folder, "pictures": len(frames), "meshes_not_drawn": missing})
     if missing:
         output.warn(
-            f"{len(missing)} meshes were not drawn (not found, or trimesh is not installed), as {missing[0]}"
+            f"{counted(len(missing), 'mesh was', 'meshes were')} not drawn (not found, or trimesh is not installed), as {missing[0]}"
         )
