@@ -19,6 +19,20 @@ pub(crate) struct NodePoses {
     pub theta: Vec<f64>,
 }
 
+/// The positions at which a frame's nodes were posed last, and memory for which of them move.
+#[derive(Debug, Clone)]
+pub(crate) struct Before {
+    positions: Vec<f64>,
+    moved: Vec<bool>,
+}
+
+impl Before {
+    /// Of nodes that were never posed.
+    pub fn never(nodes: usize) -> Self {
+        Self { positions: vec![f64::NAN; nodes], moved: vec![true; nodes] }
+    }
+}
+
 /// The tilted unit axis and its derivative by (tilt_1, tilt_2), in the joint's frame: `unit(a + tan t₁ u + tan t₂ v)`.
 pub(crate) fn tilted_axis(
     axis: &Vector3<f64>,
@@ -58,49 +72,85 @@ impl NodePoses {
         deformation: &Deformation,
         frame: usize,
     ) {
-        let base = body.nodes.len();
-        for (n, node) in body.nodes.iter().enumerate().filter(|(n, _)| posed(*n)) {
-            let mut joint = node.parent_from_joint;
-            joint.t += deformation.link_shift[node.parent.unwrap_or(base)] + deformation.origin_shift[n];
-            let mut world_from_joint = match node.parent {
-                Some(p) => self.world_from_node[p].then(&joint),
-                None => joint,
-            };
-            if let Some(rock) = deformation.rock(frame, n).filter(|r| **r != Vector2::zeros()) {
-                world_from_joint.r *=
-                    exp(&(node.tilt_directions[0] * rock.x + node.tilt_directions[1] * rock.y));
-            }
-            let tilt = &deformation.tilt[n];
-            let axis = if tilt.x == 0.0 && tilt.y == 0.0 {
-                node.axis
-            } else {
-                tilted_axis(&node.axis, &node.tilt_directions, tilt).0
-            };
-            let mut theta = commanded[n] + deformation.joint_delta(frame, n);
-            if let Some((leader, factor)) = node.follows {
-                theta += factor * deformation.joint_delta(frame, leader);
-            }
-            let motion = if node.prismatic {
-                Pose { r: Matrix3::identity(), t: axis * theta }
-            } else {
-                Pose { r: rotation_about(&axis, theta), t: Vector3::zeros() }
-            };
-            self.theta[n] = theta;
-            let mut world_from_node = world_from_joint.then(&motion);
-            if let Some(omega) = deformation.bend(frame, n) {
-                let pivot = node.pivot(&self.theta);
-                let middle = world_from_node.point(&pivot);
-                world_from_node.r *= exp(omega);
-                world_from_node.t = middle - world_from_node.r * pivot;
-            }
-            if let Some(sag) = deformation.sag(frame, n) {
-                world_from_node.t += world_from_node.r * sag;
-            }
-            self.origin[n] = world_from_joint.t;
-            self.axis[n] = world_from_joint.r * axis;
-            self.world_from_joint[n] = world_from_joint.r;
-            self.world_from_node[n] = world_from_node;
+        for n in (0..body.nodes.len()).filter(|n| posed(*n)) {
+            self.pose_node(body, n, commanded, deformation, frame);
         }
+    }
+
+    /// As [`NodePoses::update_of`] where the same frame was posed before with the same deformation: only the nodes whose
+    /// position is another than `before`, and what these carry. A node that was never posed is NaN in `before`, which is
+    /// brought up to date.
+    pub fn update_changed(
+        &mut self,
+        body: &Body,
+        posed: impl Fn(usize) -> bool,
+        commanded: &[f64],
+        (deformation, frame): (&Deformation, usize),
+        before: &mut Before,
+    ) {
+        for (n, node) in body.nodes.iter().enumerate() {
+            before.moved[n] =
+                node.parent.is_some_and(|p| before.moved[p]) || before.positions[n] != commanded[n];
+            if !before.moved[n] {
+                continue;
+            }
+            before.positions[n] = if posed(n) {
+                self.pose_node(body, n, commanded, deformation, frame);
+                commanded[n]
+            } else {
+                f64::NAN
+            };
+        }
+    }
+
+    fn pose_node(
+        &mut self,
+        body: &Body,
+        n: usize,
+        commanded: &[f64],
+        deformation: &Deformation,
+        frame: usize,
+    ) {
+        let (node, base) = (&body.nodes[n], body.nodes.len());
+        let mut joint = node.parent_from_joint;
+        joint.t += deformation.link_shift[node.parent.unwrap_or(base)] + deformation.origin_shift[n];
+        let mut world_from_joint = match node.parent {
+            Some(p) => self.world_from_node[p].then(&joint),
+            None => joint,
+        };
+        if let Some(rock) = deformation.rock(frame, n).filter(|r| **r != Vector2::zeros()) {
+            world_from_joint.r *= exp(&(node.tilt_directions[0] * rock.x + node.tilt_directions[1] * rock.y));
+        }
+        let tilt = &deformation.tilt[n];
+        let axis = if tilt.x == 0.0 && tilt.y == 0.0 {
+            node.axis
+        } else {
+            tilted_axis(&node.axis, &node.tilt_directions, tilt).0
+        };
+        let mut theta = commanded[n] + deformation.joint_delta(frame, n);
+        if let Some((leader, factor)) = node.follows {
+            theta += factor * deformation.joint_delta(frame, leader);
+        }
+        let motion = if node.prismatic {
+            Pose { r: Matrix3::identity(), t: axis * theta }
+        } else {
+            Pose { r: rotation_about(&axis, theta), t: Vector3::zeros() }
+        };
+        self.theta[n] = theta;
+        let mut world_from_node = world_from_joint.then(&motion);
+        if let Some(omega) = deformation.bend(frame, n) {
+            let pivot = node.pivot(&self.theta);
+            let middle = world_from_node.point(&pivot);
+            world_from_node.r *= exp(omega);
+            world_from_node.t = middle - world_from_node.r * pivot;
+        }
+        if let Some(sag) = deformation.sag(frame, n) {
+            world_from_node.t += world_from_node.r * sag;
+        }
+        self.origin[n] = world_from_joint.t;
+        self.axis[n] = world_from_joint.r * axis;
+        self.world_from_joint[n] = world_from_joint.r;
+        self.world_from_node[n] = world_from_node;
     }
 
     /// Pose of a site in the world.

@@ -1,7 +1,8 @@
 //! The columns of a frame: the derivatives of its rows by an elementary change of the model.
 
 use super::products::{PROJECTED, Span};
-use super::work::{FrameWork, Rows};
+use super::rows::Rows;
+use super::work::FrameWork;
 use crate::diagnose::model::body::NodeId;
 use crate::diagnose::model::deformation::Deformation;
 use crate::diagnose::model::elementary::{Atom, Twist, body_twist, followers, moves};
@@ -104,48 +105,51 @@ impl FrameWork {
             }
             at = condensed.rank;
         }
-        // Rows of one target are adjacent: how the elementary change moves it is computed once.
-        let mut last = None;
-        for row in &self.rows[condensed.corners..] {
-            let value = match &twist {
-                Some(twist) => {
-                    let relative = match last {
-                        Some((node, observer, marker, relative))
-                            if node == row.node && observer == row.observer && marker == row.marker =>
-                        {
-                            relative
-                        }
-                        _ => match atom {
-                            Atom::BoardMount(_) => board_motion(problem, row.marker.is_none(), row.measured)
-                                .map(|sign| twist.times(sign)),
-                            Atom::BoardSlip(_) => row.marker.is_none().then_some(*twist),
-                            _ => {
-                                let between = (row.node, row.observer);
-                                relative_twist(self, (problem, deformation), atom, twist, between)
-                            }
-                        },
-                    };
-                    last = Some((row.node, row.observer, row.marker, relative));
-                    relative.map(|t| row.by_world * (t.omega.cross(&row.point) + t.shift))
-                }
-                None => self.rows_of(problem, row, atom),
-            };
-            if let Some(value) = value {
-                let end = at + row.count;
-                span = Some(Span { start: span.map_or(at, |s| s.start), end });
-                out[at] = value.x;
-                out[at + 1] = value.y;
-                if row.count > 2 {
-                    out[at + 2] = value.z;
-                }
-                gradient += row.plane.tr_mul(&value);
+        // How the elementary change moves a target is computed once for all of its rows.
+        for rows in self.rows[condensed.corners..].chunk_by(|_, next| next.continues) {
+            let of_target =
+                twist.as_ref().map(|twist| self.target_twist(problem, deformation, atom, twist, &rows[0]));
+            if let Some(None) = of_target {
+                at += rows.iter().map(|row| row.count).sum::<usize>();
+                continue;
             }
-            at += row.count;
+            let of_target = of_target.flatten();
+            for row in rows {
+                let value = match &of_target {
+                    Some(t) => Some(row.by_world * (t.omega.cross(&row.point) + t.shift)),
+                    None => self.rows_of(problem, row, atom),
+                };
+                if let Some(value) = value {
+                    let end = at + row.count;
+                    span = Some(Span { start: span.map_or(at, |s| s.start), end });
+                    out[at..end].copy_from_slice(&value.as_slice()[..row.count]);
+                    gradient += row.plane.tr_mul(&value);
+                }
+                at += row.count;
+            }
         }
         if span.is_some() && self.has_plane {
             out[at..at + PROJECTED].copy_from_slice((self.plane_inverse_factor * gradient).as_slice());
         }
         span
+    }
+
+    /// The motion of a row's target against its observer by an atom with this twist; none where it moves neither or both.
+    fn target_twist(
+        &self,
+        problem: &Problem,
+        deformation: &Deformation,
+        atom: Atom,
+        twist: &Twist,
+        row: &Rows,
+    ) -> Option<Twist> {
+        match atom {
+            Atom::BoardMount(_) => {
+                board_motion(problem, row.marker.is_none(), row.measured).map(|sign| twist.times(sign))
+            }
+            Atom::BoardSlip(_) => row.marker.is_none().then_some(*twist),
+            _ => relative_twist(self, (problem, deformation), atom, twist, (row.node, row.observer)),
+        }
     }
 
     /// The column of a slip by the k-th parameter of its motion (a turn and a shift in its own frame; of a marker a

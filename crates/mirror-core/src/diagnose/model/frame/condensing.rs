@@ -2,7 +2,8 @@
 
 use super::condensed::{MOTION, OPTICS};
 use super::products::{PROJECTED, add_products, stride};
-use super::work::{FrameWork, Rows};
+use super::rows::Rows;
+use super::work::FrameWork;
 use crate::diagnose::model::camera_and_mirror::Eye;
 use crate::diagnose::model::elementary::Twist;
 use crate::diagnose::model::pose::Pose;

@@ -20,6 +20,7 @@ mod pictures;
 mod plane_of_frame;
 mod plane_start;
 mod products;
+mod rows;
 mod sight;
 #[cfg(test)]
 mod tests;

@@ -1,7 +1,8 @@
 //! The rows of a frame: every observation predicted, whitened, weighted.
 
+use super::rows::Rows;
 use super::sight::{Sight, Wanted, sight_of};
-use super::work::{FrameWork, OpticsColumns, Rows, Task};
+use super::work::{FrameWork, OpticsColumns, Task};
 use crate::diagnose::data::recording::Via;
 use crate::diagnose::model::body::NodeId;
 use crate::diagnose::model::camera_and_mirror::Eye;
@@ -219,10 +220,12 @@ impl FrameWork {
             self.free.push(*columns * scale);
             self.free.len() - 1
         });
+        let observer = problem.camera_site.and_then(|s| s.node);
         self.rows.push(Rows {
             count: 2,
+            continues: self.rows.last().is_some_and(|last| last.is_of(node, observer, marker)),
             node,
-            observer: problem.camera_site.and_then(|s| s.node),
+            observer,
             marker,
             residual: Vector3::new(r.x * root_weight, r.y * root_weight, 0.0),
             scale,
@@ -286,9 +289,11 @@ impl FrameWork {
         self.cost += robust.cost;
         let root_weight = robust.weight.sqrt();
         let scale = root_weight / std;
+        let node = problem.marker_sites[marker].node;
         self.rows.push(Rows {
             count: 3,
-            node: problem.marker_sites[marker].node,
+            continues: self.rows.last().is_some_and(|last| last.is_of(node, site.node, Some(marker))),
+            node,
             observer: site.node,
             marker: Some(marker),
             residual: r * root_weight,

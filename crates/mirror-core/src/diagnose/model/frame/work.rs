@@ -5,40 +5,17 @@ use super::marker_sights::Markers;
 use super::mirror_and_lens::Points;
 use super::pictures::Pictures;
 use super::products::PROJECTED;
+use super::rows::Rows;
 use super::sight::Wanted;
-use crate::diagnose::model::body::{NodeId, Site};
+use crate::diagnose::model::body::Site;
 use crate::diagnose::model::camera_and_mirror::Eye;
 use crate::diagnose::model::deformation::Deformation;
 use crate::diagnose::model::free_optics::FreeColumns;
-use crate::diagnose::model::kinematics::NodePoses;
+use crate::diagnose::model::kinematics::{Before, NodePoses};
 use crate::diagnose::model::pose::{Pose, exp};
 use crate::diagnose::model::problem::{FrameData, Noise, Observation, Problem};
 use crate::diagnose::model::solver::SOLVER;
 use nalgebra::{Matrix3, SMatrix, Vector3, Vector6};
-
-/// The rows of one observation (two of an image point, three of a measured point), whitened.
-#[derive(Debug, Clone)]
-pub(super) struct Rows {
-    pub(super) count: usize,
-    pub(super) node: Option<NodeId>,
-    pub(super) observer: Option<NodeId>,
-    pub(super) marker: Option<usize>,
-    pub(super) residual: Vector3<f64>,
-    /// Square root of the weight, over the standard deviation.
-    pub(super) scale: f64,
-    /// 1 and the pixel's distance from the picture's centre in u and in v, px; 0 of a measured point.
-    pub(super) in_picture: Vector3<f64>,
-    /// Rows by displacement of the point in the world.
-    pub(super) by_world: Matrix3<f64>,
-    /// The point in the world.
-    pub(super) point: Vector3<f64>,
-    pub(super) plane: Matrix3<f64>,
-    /// Index of its columns of the optics in [`FrameWork::optics`], if they were requested.
-    pub(super) optics: Option<usize>,
-    /// Index of its free-form columns in [`FrameWork::free`], if they were requested.
-    pub(super) free: Option<usize>,
-    pub(super) measured: bool,
-}
 
 /// Reusable memory for one frame.
 pub(crate) struct FrameWork {
@@ -198,6 +175,21 @@ impl FrameWork {
     ) {
         let posed = |n: usize| problem.scene.posed[n];
         self.poses.update_of(&problem.scene.body, posed, commanded, deformation, frame);
+        self.posed(problem, deformation, frame);
+    }
+
+    /// As [`FrameWork::pose_sites_as`], or of all nodes, where [`FrameWork::poses`] are those of the same frame and deformation at
+    /// other positions: only what moves is posed again.
+    pub fn pose_again(
+        &mut self,
+        problem: &Problem,
+        (deformation, frame): (&Deformation, usize),
+        commanded: &[f64],
+        all: bool,
+        before: &mut Before,
+    ) {
+        let posed = |n: usize| all || problem.scene.posed[n];
+        self.poses.update_changed(&problem.scene.body, posed, commanded, (deformation, frame), before);
         self.posed(problem, deformation, frame);
     }
 

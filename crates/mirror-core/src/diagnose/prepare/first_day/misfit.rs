@@ -5,6 +5,7 @@
 //! of the session that a transformation corrects counts, however wrong the rest is. Mirrors are taken from the
 //! boards.
 
+use super::kept_poses::{Kept, KeptPoses};
 use super::placed::{Placed, PointSeen};
 use super::variant::Variant;
 use crate::diagnose::data::recording::Via;
@@ -71,6 +72,7 @@ pub(super) struct Misfit<'a> {
     with_boards: bool,
     /// Of each frame, the mirrors at other positions.
     at_others: Vec<Mutex<Remembered>>,
+    kept: KeptPoses,
     /// Size of usual errors, m.
     pub usual_m: f64,
 }
@@ -90,6 +92,7 @@ impl<'a> Misfit<'a> {
             boards: problem.boards.iter().map(|b| b.as_ref().map(|b| SeenBoard::of(b, focal_px))).collect(),
             with_boards: false,
             at_others: problem.boards.iter().map(|_| Mutex::default()).collect(),
+            kept: KeptPoses::none(problem),
             usual_m: (USUAL_SHARE * reach).clamp(USUAL_BOUNDS_M.0, USUAL_BOUNDS_M.1),
             problem,
         })
@@ -244,7 +247,7 @@ impl<'a> Misfit<'a> {
         mut with: impl FnMut(usize, f64),
     ) {
         let problem = self.problem;
-        let (camera_from_world, board) = self.pose_sites(work, variant, frame);
+        let (camera_from_world, board, kept) = self.pose_sites(work, variant, frame);
         let foot = board.map(|board| board.foot);
         if self.with_boards && !problem.frames[frame].corners.is_empty() {
             with(problem.marker_sites.len(), board.map_or(UNKNOWN_STD, |board| board.size_m));
@@ -278,6 +281,7 @@ impl<'a> Misfit<'a> {
                 }
             }
         }
+        self.kept.keep(&mut work.frame, frame, kept);
     }
 
     /// Poses a frame: afterwards all nodes' poses are in `work`; returns the world in the camera's frame, and the mirror as the board shows it.
@@ -287,35 +291,34 @@ impl<'a> Misfit<'a> {
         variant: &Variant,
         frame: usize,
     ) -> (Option<Pose>, Option<SeenBoard>) {
-        self.posed_by(FrameWork::pose_as, work, variant, frame)
+        let board = self.board(work, variant, frame);
+        variant.nodes(&self.problem.scene.body, frame, &mut work.positions);
+        work.frame.pose_as(self.problem, &self.known, frame, &work.positions);
+        (self.camera_from_world(work), board)
     }
 
-    /// As [`Misfit::pose`], only the nodes that the variant's markers and the session's other sites ride on.
+    /// As [`Misfit::pose`], only the nodes that the variant's markers and the session's other sites ride on, until what it returns last
+    /// is kept.
     fn pose_sites(
         &self,
         work: &mut Work,
         variant: &Variant,
         frame: usize,
-    ) -> (Option<Pose>, Option<SeenBoard>) {
+    ) -> (Option<Pose>, Option<SeenBoard>, Option<Kept>) {
         let in_place = |(site, own): (&Site, &Site)| site.node == own.node;
-        let all_in_place = variant.sites.iter().zip(&self.problem.marker_sites).all(in_place);
         // The session's own nodes are not those of a marker that is tried on another link.
-        let nodes = if all_in_place { FrameWork::pose_sites_as } else { FrameWork::pose_as };
-        self.posed_by(nodes, work, variant, frame)
-    }
-
-    fn posed_by(
-        &self,
-        pose: fn(&mut FrameWork, &Problem, &Deformation, usize, &[f64]),
-        work: &mut Work,
-        variant: &Variant,
-        frame: usize,
-    ) -> (Option<Pose>, Option<SeenBoard>) {
+        let elsewhere = !variant.sites.iter().zip(&self.problem.marker_sites).all(in_place);
         // A mirror that is fitted again poses the frame itself.
         let board = self.board(work, variant, frame);
         variant.nodes(&self.problem.scene.body, frame, &mut work.positions);
-        pose(&mut work.frame, self.problem, &self.known, frame, &work.positions);
-        (self.eye.as_ref().map(|eye| work.frame.camera_from_world(self.problem, eye)), board)
+        let at = (&self.known, frame);
+        let kept = self.kept.pose(&mut work.frame, self.problem, at, &work.positions, elsewhere);
+        (self.camera_from_world(work), board, kept)
+    }
+
+    /// The world in the camera's frame, as the frame was posed last.
+    fn camera_from_world(&self, work: &Work) -> Option<Pose> {
+        self.eye.as_ref().map(|eye| work.frame.camera_from_world(self.problem, eye))
     }
 
     /// Where a marker is, in the world, in the frame that was posed last.
@@ -399,12 +402,13 @@ impl<'a> Misfit<'a> {
         let mut work = self.work();
         let mut out = Vec::new();
         for &frame in frames {
-            self.pose_sites(&mut work, variant, frame);
+            let kept = self.pose_sites(&mut work, variant, frame).2;
             for observation in &self.problem.frames[frame].others {
                 if let Observation::Point { marker, position } = observation {
                     out.push(self.point(&work.frame, variant, frame, *marker, *position));
                 }
             }
+            self.kept.keep(&mut work.frame, frame, kept);
         }
         out
     }

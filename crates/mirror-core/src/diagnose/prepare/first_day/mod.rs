@@ -32,6 +32,7 @@ mod friction_everywhere;
 mod hung;
 mod hysteresis;
 mod in_another_session;
+mod kept_poses;
 mod loads;
 mod lost;
 mod memory;
