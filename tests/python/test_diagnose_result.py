@@ -101,6 +101,9 @@ def test_what_is_no_diagnosis_is_refused_by_file_and_reason(
         ("scale_error", 0.0395, 0.0006, "scale error +3.950 ± 0.060 %"),
         ("curvature_per_m", 0.02, 0.001, "curvature +0.0200 ± 0.0010 1/m"),
         ("first_frame", 42.0, 0.0, "first frame 42 ± 0.0"),
+        ("thickness_m", 0.003, 0.0002, "thickness 3.00 ± 0.20 mm"),
+        # A pane of no thickness, as a diagnosis tells it of a session that states one.
+        ("thickness_m", 0.0, 0.0002, "thickness 0.00 ± 0.20 mm (no glass: silvered in front)"),
     ],
 )
 def test_parameters_are_told_in_degrees_and_millimetres(

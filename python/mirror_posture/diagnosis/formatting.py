@@ -58,6 +58,9 @@ TINY = 0.01
 SIZES = ("width", "spread", "deadband", "thickness", "friction", "compliance", "growth")
 """Parameters that cannot be negative are printed without a sign."""
 
+GLASS, NO_GLASS = "thickness_m", "(no glass: silvered in front)"
+"""The pane's thickness, and what it means that there is none."""
+
 
 @dataclass(frozen=True)
 class Quantity:
@@ -67,9 +70,11 @@ class Quantity:
     value: str
     std: str
     unit: str
+    note: str = ""
+    """What the number means, where it does not speak for itself."""
 
     def __str__(self) -> str:
-        return f"{self.name} {self.value} ± {self.std} {self.unit}".rstrip()
+        return " ".join(filter(None, (self.name, self.value, "±", self.std, self.unit, self.note)))
 
 
 def tell(name: str, estimate: Estimate | Member) -> Quantity:
@@ -92,7 +97,9 @@ def tell(name: str, estimate: Estimate | Member) -> Quantity:
     if whole:
         return Quantity(spaced, f"{value:.0f}", f"{std:.1f}", "")
     sign = "" if spaced in SIZES else "+"
-    return Quantity(spaced, f"{value:{sign}.{digits}f}", f"{std:.{digits}f}", power + unit)
+    shown = f"{value:{sign}.{digits}f}"
+    note = NO_GLASS if name == GLASS and float(shown) == 0.0 else ""
+    return Quantity(spaced, shown, f"{std:.{digits}f}", power + unit, note)
 
 
 def is_zero(quantity: Quantity) -> bool:
