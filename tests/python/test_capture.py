@@ -161,6 +161,18 @@ def test_bad_sources_say_what_is_needed(session: Path, tmp_path: Path) -> None:
     assert "secret" not in shown_source("rtsp://me:secret@cam/1")
 
 
+def test_a_plan_elsewhere_is_given_by_its_folder_or_its_table(session: Path, pictures: Path) -> None:
+    """Before, only by its table, though other commands take its folder."""
+    elsewhere = (session / "plan").rename(session.parent / "elsewhere")
+    for plan in (elsewhere, elsewhere / "postures.csv"):
+        run("capture", session, "--source", pictures, "--plan", plan, "--overwrite")
+        assert frames(session)["frame"] == [0, 1]
+    told = " ".join(run("capture", session, "--source", pictures, code=1).stderr.split())
+    assert (
+        f"{session / 'plan' / 'postures.csv'}: there is no such file; mirror-posture plan writes it" in told
+    )
+
+
 def test_a_plan_of_another_robot_is_named_with_what_its_columns_need(session: Path, pictures: Path) -> None:
     """Before, neither the file nor what to do."""
     file = session / "plan" / "postures.csv"

@@ -416,6 +416,11 @@ def test_what_cannot_be_meant_is_refused(session: Path, tmp_path: Path) -> None:
     words = write_pictures(tmp_path)
     assert "--joints" in run("import", words[0], session, code=1).stderr
     assert "THEIRS=OURS" in run("import", *words[:1], session, *words[1:], "--joint", "a", code=1).stderr
+    # Before, the column was left out, and the joint taken to stand at 0.
+    told = run("import", *words[:1], session, *words[1:], "--joint", "b=elbow", code=1).stderr
+    assert "--joint: got 'b=elbow', needed THEIRS=OURS with OURS one of the robot's joints: a, b" in told
+    told = run("import", *words[:1], session, *words[1:], "--offset-s", "nan", code=1).stderr
+    assert "--offset-s: got nan, needed a finite number of seconds" in told
     assert (
         "has no joint 'x'" in run("import", *words[:1], session, *words[1:], "--joint", "x=a", code=1).stderr
     )

@@ -10,6 +10,7 @@ from typing import Annotated
 
 import typer
 
+from mirror_posture._core import MirrorPostureError
 from mirror_posture.cli.output import JsonOption, Output
 from mirror_posture.counted import counted
 
@@ -45,7 +46,6 @@ def make(
     Example: `mirror-posture moving make moving --cases 20`
     """
     output = Output(as_json)
-    from mirror_posture import MirrorPostureError
 
     from ..moving.make import ROBOTS, make_cases
 
@@ -74,6 +74,8 @@ def run(
     output = Output(as_json)
     results = out or cases / "results"
     folders = sorted(p for p in cases.glob("case-*") if p.is_dir() and not p.name.endswith("-unseen"))
+    if not folders:
+        raise MirrorPostureError(f"{cases}: has no session (case-0000, ...): make some with `moving make`")
     failed = []
     for number, folder in enumerate(folders, start=1):
         target = results / folder.name
@@ -126,7 +128,6 @@ def peers(
     Example: `mirror-posture moving peers moving/case-0001 moving/case-0001-unseen`
     """
     output = Output(as_json)
-    from mirror_posture import MirrorPostureError
 
     try:
         from ..moving.peers import compare

@@ -72,6 +72,14 @@ def xacro_arguments(given: Iterable[str]) -> dict[str, str]:
     return found
 
 
+def required_ending(file: Path | None, option: str, endings: Iterable[str]) -> None:
+    """Raises `MirrorPostureError`, which names the option, for a file of another ending: before any work is done for it."""
+    if file is not None and file.suffix.lower() not in (known := list(endings)):
+        raise MirrorPostureError(
+            f"{option}: got {str(file)!r}, needed a file that ends with {' or '.join(known)}"
+        )
+
+
 def two_counts(given: str, option: str, example: str) -> tuple[int, int]:
     """Two whole numbers above 0, of a text such as `7x4`. Raises `MirrorPostureError`, which names the option, for another text."""
     try:

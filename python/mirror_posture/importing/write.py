@@ -16,7 +16,7 @@ from ..arrays import Floats
 from ..output_files import keep_files, new_folder
 from ..robot import Robot
 from ..session.camera_info import dump_camera_info
-from ..session.errors import SessionError
+from ..session.errors import SessionError, choices
 from ..session.metadata import load_metadata
 from ..session.tables import find_table
 from ..session.write import write_table
@@ -83,6 +83,14 @@ def import_recording(
         raise MirrorPostureError(
             f"{recording.source}: has no joint {unknown[0]!r}; it has {', '.join(log.names)}"
         )
+    if elsewhere := [
+        f"{theirs}={ours}" for theirs, ours in wanted.items() if ours not in robot.position_names
+    ]:
+        raise MirrorPostureError(
+            f"--joint: got {elsewhere[0]!r}, needed THEIRS=OURS with OURS one of the robot's joints: {choices(robot.position_names)}"
+        )
+    if offset_s is not None and not math.isfinite(offset_s):
+        raise MirrorPostureError(f"--offset-s: got {offset_s!r}, needed a finite number of seconds")
     columns = [(index, wanted.get(name, name)) for index, name in enumerate(log.names)]
     kept = [(index, name) for index, name in columns if name in robot.position_names]
     if not kept:

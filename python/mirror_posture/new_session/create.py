@@ -28,6 +28,8 @@ from .mounts import CameraMount, FaceMount, MarkerMount
 from .unusual import facing_apart, far_away, size_of_mirror
 
 CAMERA_LINK, BOARD_LINK, MARKER_SUFFIX = "session_camera_optical", "session_board", "_marker"
+ROOTS = ("robot", "mujoco")
+"""Of a URDF or xacro, and of an MJCF."""
 GRAVITY = 9.81
 OWN_FILES = ("session.toml", "robot.urdf", "camera.yaml", "setup.png", "meshes")
 PLAN = "plan"
@@ -47,10 +49,19 @@ class NewSession:
     warnings: tuple[str, ...]
 
 
-def require_robot_file(file: Path) -> None:
-    """Raises `MirrorPostureError` where there is no such file, before anything is asked about it."""
+def require_robot_file(file: Path) -> str:
+    """The text of a URDF, xacro or MJCF. Raises `MirrorPostureError` for no such file or another, before anything is asked about it."""
     if not file.is_file():
         raise MirrorPostureError(f"{file}: there is no such file; needed a URDF or an MJCF")
+    needed = "needed a URDF or xacro (<robot>) or an MJCF (<mujoco>)"
+    text = read_xml(file)
+    try:
+        root = XmlText(text, str(file)).root.tag
+    except MirrorPostureError as error:
+        raise MirrorPostureError(f"{error}; {needed}") from None
+    if root not in ROOTS:
+        raise MirrorPostureError(f"{file}: got <{root}>, {needed}")
+    return text
 
 
 def create_session(
@@ -85,18 +96,12 @@ def create_session(
     """
     if folder.exists():
         _check_replaceable(folder, overwrite)
-    require_robot_file(robot_file)
+    text = require_robot_file(robot_file)
     unusual = check_camera(camera, "camera.yaml")
-    text = read_xml(robot_file)
     meshes: dict[str, Triangles] = {}
-    root = XmlText(text, str(robot_file)).root.tag
-    if root not in ("robot", "mujoco"):
-        raise MirrorPostureError(
-            f"{robot_file}: got <{root}>, needed a URDF or xacro (<robot>) or an MJCF (<mujoco>)"
-        )
-    if root == "mujoco":
+    if XmlText(text, str(robot_file)).root.tag == "mujoco":
         text, meshes = urdf_from_mjcf(robot_file)
-    if root == "robot" and is_xacro(text):
+    elif is_xacro(text):
         text = XacroTree(robot_file, xacro_arguments, packages).expand({})
     bare = Robot.from_urdf_text(text)
     camera_link = CAMERA_LINK if camera_mount.at_m is not None else camera_mount.link

@@ -104,6 +104,10 @@ class PlanOptions:
             value = getattr(self, name)
             if value is not None and not (math.isfinite(value) and value > 0.0):
                 raise MirrorPostureError(f"plan, {name}: got {value!r}, needed a number above 0")
+        if self.table_m is not None and not math.isfinite(self.table_m):
+            raise MirrorPostureError(
+                f"plan, table_m: got {self.table_m!r}, needed a finite height in the root's frame, m"
+            )
         if not 1 <= self.views <= MOST_VIEWS:
             raise MirrorPostureError(f"plan, views: got {self.views}, needed 1 to {MOST_VIEWS}")
         if not 2 <= self.postures <= MOST_POSTURES:

@@ -50,8 +50,6 @@ def load_session(folder: str | os.PathLike[str]) -> Session:
     `Session.warnings`.
     """
     folder = Path(folder)
-    if not folder.is_dir():
-        raise SessionError(folder, "is no folder; a session is one folder with a session.toml in it")
     metadata = load_metadata(folder)
     warnings = list(metadata.warnings)
     problems = Problems()

@@ -69,6 +69,8 @@ class Metadata(ShortRepr):
 def load_metadata(folder: Path) -> Metadata:
     """Reads `session.toml` of a folder; raises `SessionError` with the key, what was given and what was
     required, all problems in `problems`."""
+    if not folder.is_dir():
+        raise SessionError(folder, "is no folder; a session is one folder with a session.toml in it")
     file = folder / FILE
     try:
         if file.is_symlink() and path_inside(folder, FILE) is None:

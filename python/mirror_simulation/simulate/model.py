@@ -140,6 +140,8 @@ def element_of(spec: Any, link: str) -> Any:
 
 def _read(file: Path) -> tuple[Any, bool]:
     """The specification of a model file, and whether it is a URDF."""
+    if not file.is_file():
+        raise MirrorPostureError(f"{file}: there is no such file; needed an MJCF or a URDF")
     try:
         text = read_text(file, LARGEST_MODEL)
         root = ET.fromstring(text)

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from ..output import JsonOption, Output
-from ..values import two_counts
+from ..values import required_ending, two_counts
 
 ORDER = 2
 PANEL = "Setting up"
@@ -50,6 +50,7 @@ def command(
     from ..._core import MirrorPostureError
     from ...board_sheet import BoardSheet, recommend, write_board_pdf
 
+    required_ending(file, "the file", (".pdf",))
     if file.exists() and not overwrite:
         raise MirrorPostureError(f"{file}: is there already; add --overwrite")
     nx, ny = two_counts(corners, "--corners", "7x4")

@@ -24,7 +24,10 @@ def command(
         str, typer.Option(help="webcam:0, rtsp://ADDRESS, a film, or a folder of pictures.")
     ] = "webcam:0",
     plan: Annotated[
-        Path | None, typer.Option(help="postures.csv; by default that of `plan` in the session's folder.")
+        Path | None,
+        typer.Option(
+            help="Folder of a plan, or its postures.csv; by default `plan` in the session's folder."
+        ),
     ] = None,
     robot: Annotated[
         str | None, typer.Option(help="A driver that moves the robot: dynamixel, feetech. By default you do.")
@@ -63,15 +66,18 @@ def command(
     from ...capture import Capture, CaptureOptions, Recorder, open_source, state_of
     from ...capture.server import CaptureServer
     from ...plan import read_plan
+    from ...plan.table import POSTURES
     from ...robots import Nominal
     from ._robots import open_robot
 
     nominal = Nominal.load(session)
     if nominal.camera is None or nominal.metadata.board is None:
         raise MirrorPostureError(f"{session}: has no camera or no [board]; mirror-posture init writes them")
-    frames = read_plan(plan or session / "plan" / "postures.csv", nominal.robot)
+    plan = plan or session / "plan"
+    rows = plan / POSTURES if plan.suffix != ".csv" or plan.is_dir() else plan
+    frames = read_plan(rows, nominal.robot)
     if not frames:
-        raise MirrorPostureError(f"{plan or session / 'plan'}: has no rows")
+        raise MirrorPostureError(f"{rows}: has no rows; needed one for each picture; plan once more")
     if (servos or robot_class) and robot is None:
         robot = "own" if robot_class else None
     with ExitStack() as stack:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ..output import JsonOption, Output, SessionArgument
+from ..values import required_ending
 
 if TYPE_CHECKING:
     from ...session import Session
@@ -44,6 +45,7 @@ def command(
     from ...session.facts import facts
     from ...view_check import refuse_mistakes
 
+    required_ending(page, "--page", (".html",))
     try:
         loaded = load_session(session)
     except SessionError as error:

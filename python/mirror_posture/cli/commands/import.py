@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from ...counted import counted
 from ..output import JsonOption, Output
 
 ORDER = 8
@@ -103,7 +104,7 @@ def command(
     for text in done.warnings:
         output.warn(text)
     output.say(
-        f"{done.frames} frames of {done.rests} moments of rest: {session}/frames.csv, {session}/images"
+        f"{counted(done.frames, 'frame')} of {counted(done.rests, 'moment')} of rest: {session}/frames.csv, {session}/images"
     )
     output.say(
         f"pictures' clock minus joints' clock: {done.offset_s:+.2f} s (correlation {done.clock.match:.2f})"

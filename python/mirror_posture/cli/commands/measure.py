@@ -13,6 +13,7 @@ from ...counted import counted
 from ...input_files import given_text
 from ..detected import load_detected
 from ..output import ExitCode, JsonOption, Output, SessionArgument, write_json
+from ..values import required_ending
 
 if TYPE_CHECKING:
     from ...measurement import Measurement
@@ -84,6 +85,9 @@ def command(
         raise MirrorPostureError(
             f"--estimator: got {estimator!r}, needed one of {', '.join((*ESTIMATORS, ALL))}"
         )
+    required_ending(out, "--out", (".csv", ".parquet", ".json"))
+    required_ending(plot, "--plot", (".png", ".svg", ".pdf"))
+    required_ending(page, "--page", (".html",))
     loaded = load_detected(output, session)
     options = tuple(
         MeasureOptions(

@@ -17,7 +17,9 @@ PANEL = "Measuring"
 def command(
     pictures: Annotated[
         list[Path],
-        typer.Argument(help="Pictures that show the board and its reflection.", show_default=False),
+        typer.Argument(
+            help="Pictures that show the board and its reflection, or their folder.", show_default=False
+        ),
     ],
     camera: Annotated[Path, typer.Option(help="The camera's ROS camera_info YAML.", show_default=False)],
     board: Annotated[
@@ -41,10 +43,19 @@ def command(
 
     from ..._core import MirrorPostureError
     from ...board import Board
-    from ...detect import GateOptions
+    from ...detect import GateOptions, list_pictures
+    from ...formats.session_keys import LARGEST_SQUARE_M, THICKEST_GLASS_M
     from ...mirror_pictures import mirrors_from_pictures
     from ...session.camera_info import load_camera_info
 
+    for option, value, below in (
+        ("--square", square, LARGEST_SQUARE_M),
+        ("--glass", glass, THICKEST_GLASS_M),
+    ):
+        if not 0.0 <= value < below:
+            asked = ": is it in mm?" if value > 0.0 else ""
+            raise MirrorPostureError(f"{option}: got {value:g} m, needed 0 to below {below:g} m{asked}")
+    pictures = [file for place in pictures for file in (list_pictures(place) if place.is_dir() else [place])]
     printed = Board(*two_counts(board, "--board", "7x6"), square)
     found = mirrors_from_pictures(
         load_camera_info(camera),
@@ -87,4 +98,7 @@ def command(
     )
     output.result({"mirrors": results})
     if not rows:
+        output.warn(
+            "no mirror could be measured: a picture must show the whole board twice, directly and in the mirror"
+        )
         raise typer.Exit(ExitCode.NOTHING)

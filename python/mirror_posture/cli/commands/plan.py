@@ -153,7 +153,7 @@ def command(
     write_plan(plan, folder)
     say_plan(output, plan)
     output.say(f"written: {folder}/postures.csv, views.csv, plan.json; look at {folder}/plan.png")
-    output.say(f"next: mirror-posture capture {session}")
+    output.say(f"next: mirror-posture capture {session}" + (f" --plan {out}" if out is not None else ""))
     output.result({"plan": folder, **document(plan)})
 
 

@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 
 ORDER = 20
 PANEL = "Pictures"
+MOST_YAW_DEG, MOST_DISTANCE_MM = 85.0, 20_000.0
+"""A mirror that is turned farther shows its back or edge; one that is farther away shows no corner of any board."""
 WITH_MESHES = {"plan": "--plan", "joint": "--joint", "preview": "--preview", "mirror_size": "--mirror-size"}
 TRACED = {"postures": "--postures", "glass_mm": "--glass", "noise": "--noise", "seed": "--seed"}
 WITHOUT_PLAN = {"joint": "--joint", "yaw_deg": "--yaw", "distance_mm": "--distance"}
@@ -38,9 +40,17 @@ def command(
         int, typer.Option(help="How many of the demonstration's postures.", min=1, max=6)
     ] = 6,
     yaw_deg: Annotated[
-        list[float] | None, typer.Option("--yaw", help="Turn of the mirror in a view, degrees; once a view.")
+        list[float] | None,
+        typer.Option(
+            "--yaw",
+            help="Turn of the mirror in a view, degrees; once a view.",
+            min=-MOST_YAW_DEG,
+            max=MOST_YAW_DEG,
+        ),
     ] = None,
-    distance_mm: Annotated[float, typer.Option("--distance", help="Mirror before the board, mm.")] = 150.0,
+    distance_mm: Annotated[
+        float, typer.Option("--distance", help="Mirror before the board, mm.", min=1.0, max=MOST_DISTANCE_MM)
+    ] = 150.0,
     glass_mm: Annotated[
         float, typer.Option("--glass", help="Thickness of the mirror's pane, mm.", min=0.0)
     ] = 3.0,
