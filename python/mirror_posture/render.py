@@ -145,7 +145,7 @@ def render_session(
             _session(painter, target, postures, len(views), names, options, model_glass_thickness_m), target
         )
 
-    replace_folder(folder, fill, overwrite)
+    replace_folder(folder, fill, overwrite, painter.folder)
     return folder
 
 

@@ -12,6 +12,7 @@ from mirror_posture import MirrorPostureError
 from mirror_posture.diagnosis import Diagnosis
 from mirror_posture.diagnosis.applied import OwnFile, apply_diagnosis, write_own_files
 from session_folder import write_folder
+from small_arm import run
 from test_apply_patch import MJCF, found
 from test_apply_xacro import CONTROL
 
@@ -95,3 +96,43 @@ def test_names_that_are_expressions_of_xacro_are_told_with_what_to_do(tmp_path: 
     own.write_text(CONTROL.replace('"elbow"', '"${prefix}elbow"'))
     [written] = applied(session, found(AT_ELBOW), tmp_path / "better", "ros2_control", own)
     assert "no joint 'elbow' in <ros2_control>" in written.told[0] and "must grow by" in written.told[0]
+
+
+def test_a_model_of_the_other_kind_names_its_option(tmp_path: Path) -> None:
+    """Before: a URDF as MJCF was copied, with exit code 0; an MJCF as URDF was one of a robot without joints."""
+    session = mp.load_session(write_folder(tmp_path / "session"))
+    pytest.importorskip("mujoco")
+    with pytest.raises(
+        MirrorPostureError, match=r"got <robot>, needed an MJCF .*; a URDF is given as --urdf"
+    ):
+        applied(session, found(AT_ELBOW), tmp_path / "a", "mjcf", session.robot_file)
+    (mjcf := tmp_path / "mine.xml").write_text(MJCF)
+    with pytest.raises(
+        MirrorPostureError, match=r"got <mujoco>, needed a URDF .*; an MJCF is given as --mjcf"
+    ):
+        applied(session, found(AT_ELBOW), tmp_path / "b", "urdf", mjcf)
+
+
+def test_the_session_that_is_corrected_is_not_replaced(tmp_path: Path) -> None:
+    """Before, its own model, its plan and its overlays were gone."""
+    session = mp.load_session(write_folder(tmp_path / "session"))
+    before = session.robot_file.read_bytes()
+    with pytest.raises(MirrorPostureError, match="is the session that is read, and would be replaced"):
+        apply_diagnosis(session, found(AT_ELBOW), session.folder, overwrite=True)
+    assert session.robot_file.read_bytes() == before
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "thesis.tex").write_text("years")
+    with pytest.raises(MirrorPostureError, match="holds files and is no session: --overwrite would delete"):
+        apply_diagnosis(session, found(AT_ELBOW), tmp_path / "mine", overwrite=True)
+    assert (tmp_path / "mine" / "thesis.tex").is_file()
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [(("--motors", "dynamixel"), "add --lerobot FILE"), (("--xacro-arg", "a=b"), "add --urdf FILE")],
+)
+def test_options_of_a_file_that_is_not_given(words: tuple[str, str], told: str, tmp_path: Path) -> None:
+    """Before, they were taken without a word."""
+    session = write_folder(tmp_path / "session")
+    refused = run("apply", session, tmp_path / "diagnosis.json", "--out", tmp_path / "better", *words, code=1)
+    assert told in " ".join(refused.stderr.split())

@@ -163,6 +163,16 @@ def test_nothing_to_measure_exits_with_3(tmp_path: Path) -> None:
     assert "no frame shows the board" in run("measure", folder, code=3).stderr
 
 
+def test_detections_go_into_the_sessions_own_folder_however_it_is_named(
+    rendered: Path, tmp_path: Path
+) -> None:
+    """Before, `--out` with the session's own name and `--overwrite` replaced the whole folder, notes and plans with it."""
+    write_session(load_session(rendered), tmp_path / "own")
+    (tmp_path / "own" / "plan").mkdir()
+    run("detect", tmp_path / "own", "--out", tmp_path / "own", "--no-overlays")
+    assert (tmp_path / "own" / "plan").is_dir() and (tmp_path / "own" / "detections.csv").is_file()
+
+
 def test_bad_pictures_are_refused_or_masked(rendered: Path, tmp_path: Path) -> None:
     write_session(load_session(rendered), tmp_path / "one")
     good = cv2.imread(str(rendered / "images" / "000.png"))

@@ -259,9 +259,22 @@ def write_session_files(session: Session, target: Path, tables: TableFormat = "c
             shutil.copyfile(picture, target / name)
 
 
-def replace_folder(folder: Path, fill: Callable[[Path], None], overwrite: bool) -> None:
-    """Fills a temporary folder, then renames it; on any error the place is unchanged."""
+def replace_folder(
+    folder: Path, fill: Callable[[Path], None], overwrite: bool, source: Path | None = None
+) -> None:
+    """Fills a temporary folder, then renames it; on any error the place is unchanged.
+
+    `source` is the session that is read for it. Raises `SessionError` for a folder that is there, unless `overwrite` is given; then for
+    the source itself, and for a folder with files that is no session: all that is in it would be lost.
+    """
     if folder.exists() and not overwrite:
-        raise SessionError(folder, "is there already; give another folder, or ask to overwrite it")
+        raise SessionError(folder, "is there already; give another folder, or replace it with --overwrite")
+    if source is not None and folder.resolve() == source.resolve():
+        raise SessionError(folder, "is the session that is read, and would be replaced; give another folder")
+    if folder.is_dir() and any(folder.iterdir()) and not (folder / FILE).exists():
+        raise SessionError(
+            folder,
+            "holds files and is no session: --overwrite would delete them; give another folder, or remove them yourself",
+        )
     with new_folder(folder) as new:
         fill(new)

@@ -162,7 +162,7 @@ def render_meshes_session(
         write_table(pa.table(columns), part / "frames.csv")
 
     try:
-        replace_folder(folder, fill, overwrite)
+        replace_folder(folder, fill, overwrite, nominal.folder)
     finally:
         painter.close()
     return painter.missing

@@ -82,11 +82,20 @@ def command(
     Next: `mirror-posture diagnose better-session --out what-is-left`
     """
     output = Output(as_json)
+    from ..._core import MirrorPostureError
     from ...diagnosis import Diagnosis
     from ...diagnosis.applied import OwnFile, apply_diagnosis, twice_told, write_own_files
     from ...diagnosis.applied.apply import rows_for_people
     from ...session import load_session
 
+    if lerobot is None and motors != "feetech":
+        raise MirrorPostureError(
+            f"--motors: got {motors!r} without --lerobot, whose motors it tells; add --lerobot FILE"
+        )
+    if urdf is None and (xacro_arg or package):
+        raise MirrorPostureError(
+            "--xacro-arg, --package: without --urdf they change nothing; add --urdf FILE, or leave them out"
+        )
     loaded = load_session(session)
     found = Diagnosis.load(diagnosis)
     own: list[OwnFile] = []

@@ -67,6 +67,8 @@ def command(
     from ...session.tables import find_table
 
     loaded = load_session(session)
+    if out is not None and out.resolve() == session.resolve():
+        out = None
     target = out or session
     if out is None and find_table(session, "detections") is not None and not overwrite:
         raise SessionError(session / "detections.csv", "is there already; add --overwrite to detect again")

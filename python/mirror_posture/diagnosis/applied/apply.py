@@ -109,7 +109,7 @@ def apply_diagnosis(
             also(part)
 
     target = Path(folder)
-    replace_folder(target, fill, overwrite)
+    replace_folder(target, fill, overwrite, session.folder)
 
     def settled(entry: Written) -> Written:
         if entry.file != MJCF:

@@ -22,7 +22,7 @@ from .ros2_control import patch_ros2_control
 from .ur_calibration import patch_ur_calibration
 from .urdf import Urdf
 from .xacro_tree import XacroTree, is_xacro
-from .xml_text import read_xml
+from .xml_text import XmlText, read_xml
 
 _JOINT = re.compile(r"(?:joint[: ]|origin of )([^:\s]+)")
 """In a line that tells what was written."""
@@ -70,11 +70,15 @@ def write_own_files(
         if own is None:
             continue
         if not own.is_file():
-            raise MirrorPostureError(f"{own}: there is no such file")
+            raise MirrorPostureError(f"{own}: there is no such file; needed your own file of the robot")
         tree = None
         if own is urdf:
             text = read_xml(own)
             tree = XacroTree(own, xacro_arguments, packages) if is_xacro(text) else None
+            if (root := XmlText(text, str(own)).root.tag) != "robot":
+                raise MirrorPostureError(
+                    f"{own}: got <{root}>, needed a URDF or xacro (<robot>); an MJCF is given as --mjcf"
+                )
             shown = Urdf(text if tree is None else tree.expand({}), str(own))
             require_places(own, shown, robot, places, _mounts(session))
         if tree is not None:

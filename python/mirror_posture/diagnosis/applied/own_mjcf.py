@@ -45,11 +45,15 @@ def patch_own_mjcf(
     except ImportError:
         raise MirrorPostureError("an MJCF needs MuJoCo: pip install 'mirror-posture[mujoco]'") from None
     text = read_xml(own)
+    document = XmlText(text, str(own))
+    if document.root.tag != "mujoco":
+        raise MirrorPostureError(
+            f"{own}: got <{document.root.tag}>, needed an MJCF (<mujoco>); a URDF is given as --urdf"
+        )
     model = _load(mujoco, own, own)
     if check is not None:
         names = [mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_JOINT, index) for index in range(model.njnt)]
         check([name for name in names if name])
-    document = XmlText(text, str(own))
     degrees = not _radians(document)
     told = {}
     for cause in causes:
