@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import re
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import Executor
@@ -32,6 +33,7 @@ if TYPE_CHECKING:
 RETRIES = 3
 """How often a job is tried again that ended with an error of the machine that ran it."""
 CONNECT_SECONDS = 15.0
+_ADDRESS = re.compile(r"(?:(?:tcp|tls)://)?(?:\[[^\]\s]+\]|[^\s:/]+):\d{1,5}/?")
 OPEN_LINE = (
     "--scheduler {}: plain tcp to another machine: whoever is on the way can read the sessions and run code on both ends; "
     "use tls:// beyond a network of your own"
@@ -156,6 +158,7 @@ def on_fleet(scheduler: str, tls: Tls | None = None) -> Iterator[Executor]:
     Raises:
         MirrorPostureError: `distributed` is not installed, there is no answer at the address, or a worker has another version of this package.
     """
+    require_address(scheduler)
     try:
         from distributed import Client
     except ModuleNotFoundError as error:
@@ -181,6 +184,14 @@ def on_fleet(scheduler: str, tls: Tls | None = None) -> Iterator[Executor]:
                 f"--scheduler {scheduler}: needed workers with mirror-posture {__version__}; {', '.join(told)}"
             )
         yield client.get_executor(pure=False, retries=RETRIES)
+
+
+def require_address(scheduler: str) -> None:
+    """Raises `MirrorPostureError` for what is no address of a scheduler: Dask would try it for half a minute, and end with a traceback."""
+    if not _ADDRESS.fullmatch(scheduler):
+        raise MirrorPostureError(
+            f"--scheduler: got {scheduler!r}, needed tcp://HOST:PORT or tls://HOST:PORT, as in tcp://10.0.0.1:8786"
+        )
 
 
 def is_open(scheduler: str) -> bool:

@@ -125,3 +125,19 @@ def test_the_next_command_reads_the_plan_that_was_written(
     assert f"next: mirror-posture capture {session}\n" in run("plan", session).output
     told = run("plan", session, "--out", tmp_path / "other").output
     assert f"next: mirror-posture capture {session} --plan {tmp_path / 'other'}\n" in told
+
+
+def test_a_demonstration_replaces_no_session_of_a_persons_own(tmp_path: Path) -> None:
+    """Before, a folder named session in --out was deleted."""
+    session = write_folder(tmp_path / "session")
+    told = in_one_line("demo", "--out", tmp_path)
+    assert f"{session}: is there already, and no demonstration wrote it; give another --out" in told
+    assert (session / "detections.csv").is_file()
+
+
+@pytest.mark.parametrize("address", ["scheduler", "tcp://10.0.0.1", "http://10.0.0.1:8786", ""])
+def test_what_is_no_address_of_a_scheduler(address: str, tmp_path: Path) -> None:
+    """Before, Dask tried it for half a minute and ended with a traceback."""
+    told = in_one_line("diagnose", write_folder(tmp_path / "session"), "--scheduler", address)
+    assert f"--scheduler: got {address!r}, needed tcp://HOST:PORT or tls://HOST:PORT" in told
+    assert "warning" not in told

@@ -8,6 +8,8 @@ from typing import Annotated, Any
 
 import typer
 
+from ..._core import MirrorPostureError
+from ...counted import counted
 from ..output import JsonOption, Output, write_json
 
 ORDER = 1
@@ -58,9 +60,13 @@ def _all_steps(output: Output, out: Path, postures: int, seed: int) -> None:
 
     chosen = DEMO_POSTURES[:postures]
     folder = out / "session"
+    if folder.exists() and not (folder / TRUTH_FILE).is_file():
+        raise MirrorPostureError(
+            f"{folder}: is there already, and no demonstration wrote it; give another --out, or it would be replaced"
+        )
     total = len(chosen) * len(DEMO_VIEWS)
     output.say(
-        f"1. drawing {total} pictures: {len(chosen)} postures, {len(DEMO_VIEWS)} views each, 3 mm of glass, noise"
+        f"1. drawing {total} pictures: {counted(len(chosen), 'posture')}, {len(DEMO_VIEWS)} views each, 3 mm of glass, noise"
     )
     with output.counting("drawing", total) as count:
         render_session(

@@ -100,8 +100,9 @@ def command(
     ]
     afar: Iterator[Diagnosis] | None = None
     if scheduler is not None:
-        from ...fleet import OPEN_LINE, Tls, diagnose_on_fleet, is_open
+        from ...fleet import OPEN_LINE, Tls, diagnose_on_fleet, is_open, require_address
 
+        require_address(scheduler)
         if is_open(scheduler):
             output.warn(OPEN_LINE.format(scheduler))
         afar = diagnose_on_fleet(
