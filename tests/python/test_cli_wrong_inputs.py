@@ -108,6 +108,15 @@ def test_nothing_to_run_is_told(tmp_path: Path) -> None:
     assert "has no session (case-0000, ...): make some with `moving make`" in in_one_line(
         "moving", "run", tmp_path
     )
+    assert "`moving make` and `moving run` write them" in in_one_line("moving", "score", tmp_path)
+
+
+def test_a_file_where_a_new_folder_is_to_be(tmp_path: Path) -> None:
+    """Before: "File exists", and not what to do."""
+    pytest.importorskip("mirror_lab")
+    (file := tmp_path / "file").write_text("no folder")
+    told = in_one_line("blind", "make", file, "--cases", 1, "--workers", 1)
+    assert f"{file}: is a file, or lies in one, needed a folder; give another name" in told
 
 
 def test_the_next_command_reads_the_plan_that_was_written(

@@ -109,6 +109,11 @@ def score(
     from ..moving.score import score as scored
 
     found = scored(cases, results or cases / "results")
+    if not found.lines:
+        raise MirrorPostureError(
+            f"{results or cases / 'results'}: has no diagnosis of a case with an answer in {cases / 'answers'}; `moving make` and `moving run` "
+            "write them"
+        )
     output.table("Case by case", ("~case", "~truth", "~told", "unseen motion"), found.lines)
     output.table("Score", ("~what", "count", "share"), found.rows())
     output.result(found.to_tree())

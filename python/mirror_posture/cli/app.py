@@ -38,7 +38,10 @@ class _Commands(LazyCommands):
             self._end(error, ExitCode.STOPPED, "stopped")
         except OSError as error:
             place = f"{error.filename}: " if error.filename else ""
-            self._end(error, ExitCode.INPUT, f"{place}{error.strerror or error}")
+            told = error.strerror or str(error)
+            if isinstance(error, (FileExistsError, NotADirectoryError)):
+                told = "is a file, or lies in one, needed a folder; give another name"
+            self._end(error, ExitCode.INPUT, f"{place}{told}")
         except (typer.Exit, typer.Abort):
             raise
         except Exception as error:
