@@ -103,6 +103,9 @@ def faults(tree: dict[str, Any]) -> list[str]:
         for entry in gap.get("checked", ()):
             for key in ("before_m", "after_m"):
                 need(entry.get(key) is None or _positive(entry[key]), f"gap.checked.{key}")
+            if "ground" in entry:
+                need(_positive(entry["ground"]["after_m"]), "gap.checked.ground.after_m")
+                need(entry["ground"]["after_m"] < entry["after_m"], "gap.checked.ground is no better")
 
     if need(isinstance(tree.get("gap"), dict), "gap"):
         gap_of(tree["gap"])

@@ -10,7 +10,7 @@ import pytest
 
 import mirror_posture as mp
 from mirror_posture.diagnosis import Cause, Diagnosis, Estimate
-from mirror_posture.diagnosis.formatting import percent, tell, tell_all
+from mirror_posture.diagnosis.formatting import ground_words, percent, tell, tell_all
 from mirror_posture.diagnosis.markers import marker_of_place, only_markers
 from mirror_posture.diagnosis.next_postures import write_next_postures
 from mirror_posture.session.frames import read_frames
@@ -39,7 +39,18 @@ DOCUMENT = {
         "closed": 0.98,
         "closed_ci95": [0.97, 1.0],
         "held_out_postures": 80,
-        "checked": [{"session": "other", "before_m": 0.007, "after_m": 0.001}],
+        "checked": [
+            {
+                "session": "other",
+                "before_m": 0.007,
+                "after_m": 0.001,
+                "ground": {
+                    "after_m": 0.0006,
+                    "yields_rad_per_nm": [5.8e-6, 1e-6, 0.0],
+                    "std_rad_per_nm": [4e-7, 5e-7, 1e-3],
+                },
+            }
+        ],
     },
     "next_postures": [{"elbow": 0.2}],
     "said_by_a_newer_version": {"kept": True},
@@ -65,6 +76,12 @@ def test_the_public_format_becomes_dataclasses_and_comes_back_whole(tmp_path: Pa
     assert (cause.effect, cause.at, cause.parameters["width_rad"].std) == ("backlash", "joint:elbow", 0.0012)
     assert cause.alternatives[0].effect == "stiction"
     assert found.gap.closed_ci95 == (0.97, 1.0) and found.gap.checked[0].after_m == 0.001
+    ground = found.gap.checked[0].ground
+    assert ground is not None and ground.after_m == 0.0006
+    # What is below three deviations is not told.
+    assert ground_words(ground).startswith(
+        "its base turns by +5.8 ± 0.4 µrad/N m about x under the robot's weight"
+    )
     assert found.next_postures == ({"elbow": 0.2},)
     assert json.loads(found.to_json()) == DOCUMENT
 

@@ -3,6 +3,7 @@
 use crate::gap_world::{Plan, World, Wrong};
 use mirror_core::diagnose::{DiagnoseOptions, Diagnosis, OtherSession, Recording, diagnose};
 use mirror_core::robot::Robot;
+use nalgebra::{Isometry3, Vector3};
 
 const NOISE_M: f64 = 4e-4;
 
@@ -67,4 +68,37 @@ fn a_session_without_what_was_found_is_predicted_worse() {
     let told = checked(&world, &session, other);
     let check = &told.gap.checked[0];
     assert!(check.after_m.unwrap() > 2.0 * check.before_m.unwrap(), "{check:?}");
+}
+
+/// The robot stands on ground that yields in the other session: no prediction of the robot could know that. It is told beside the
+/// prediction, which is without it, and is not there where both stand alike.
+#[test]
+fn other_ground_is_told_beside_the_prediction() {
+    let world = World::new(4, false);
+    let elbow = Wrong::Ratio(world.bone("r_elbow"), 0.02);
+    let session = recorded(&world, (40, 61), core::slice::from_ref(&elbow));
+    let on = |seed: u64, c: Vector3<f64>| {
+        let plan = Plan { postures: 60, views: 1, seed, wrong: vec![elbow.clone()], ..Plan::default() };
+        world.record_points_of_base(&plan, NOISE_M, |_, moment| {
+            Isometry3::new(Vector3::zeros(), c.component_mul(&moment))
+        })
+    };
+    for seed in 62..66 {
+        let firm = checked(&world, &session, on(seed, Vector3::zeros()));
+        let check = &firm.gap.checked[0];
+        assert!(check.ground.is_none() && check.after_m.unwrap() < 3.0 * NOISE_M, "{check:?}");
+    }
+    let yields = Vector3::new(0.008, 0.005, 0.0);
+    let mut deviations = Vec::new();
+    for seed in 66..72 {
+        let check = checked(&world, &session, on(seed, yields)).gap.checked.remove(0);
+        let ground = check.ground.clone().unwrap();
+        assert!(ground.after_m < 1.8 * NOISE_M && check.after_m.unwrap() > 2.0 * ground.after_m, "{check:?}");
+        for k in 0..2 {
+            deviations.push((ground.yields_rad_per_nm[k] - yields[k]) / ground.std_rad_per_nm[k]);
+        }
+    }
+    let square = deviations.iter().map(|d| d * d).sum::<f64>();
+    // Twelve numbers: chi-squared is between 2.2 and 33 with 99.8 %.
+    assert!(square > 2.2 && square < 33.0, "{deviations:?}");
 }

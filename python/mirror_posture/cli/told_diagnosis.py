@@ -46,6 +46,7 @@ def show_diagnosis(output: Output, folder: Path, found: Diagnosis) -> None:
         ENCODER_COLUMNS,
         dependence,
         effect_in_words,
+        ground_words,
         millimetres,
         numbers_in_words,
         percent,
@@ -96,7 +97,12 @@ def show_diagnosis(output: Output, folder: Path, found: Diagnosis) -> None:
     ]
     if (anew := gap.chosen_anew) is not None and anew.changed:
         gaps.append(("… with causes selected without them", "", millimetres(anew.rms_m), ""))
-    gaps += [(c.session, millimetres(c.before_m), millimetres(c.after_m), "") for c in gap.checked]
+    for c in gap.checked:
+        gaps.append((c.session, millimetres(c.before_m), millimetres(c.after_m), ""))
+        if c.ground is not None:
+            gaps.append(
+                (f"… on its own ground: {ground_words(c.ground)}", "", millimetres(c.ground.after_m), "")
+            )
     gaps += [
         (f"marker {w.marker}, withheld", millimetres(w.before_m), millimetres(w.after_m), "")
         for w in found.witness

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from itertools import groupby
 from typing import Any
 
-from .parts import Cause, Estimate, Member
+from .parts import Cause, Estimate, Ground, Member
 from .result import Diagnosis
 from .vocabulary import BESIDE, IN_WORDS, remedy
 
@@ -183,6 +183,18 @@ def millimetres(value_m: float | None) -> str:
         return ""
     value = 1000.0 * value_m
     return f"{value:.3f}" if abs(value) < 0.1 else f"{value:.2f}"
+
+
+def ground_words(ground: Ground) -> str:
+    """How another session's base turns under the robot's weight beyond what the causes say, about the axes of which that is known to
+    three deviations."""
+    axes = zip("xyz", ground.yields_rad_per_nm, ground.std_rad_per_nm, strict=True)
+    turns = [
+        f"{1e6 * c:+.1f} ± {1e6 * std:.1f} µrad/N m about {axis}"
+        for axis, c, std in axes
+        if abs(c) > 3.0 * std
+    ]
+    return f"its base turns by {' and '.join(turns) or 'a little'} under the robot's weight, beyond what the causes contain"
 
 
 def steps(found: Diagnosis) -> str:

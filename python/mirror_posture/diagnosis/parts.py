@@ -99,13 +99,25 @@ class Place:
 
 
 @dataclass(frozen=True)
+class Ground:
+    """How another session's base turns under the robot's weight beyond what the causes say, `ω = diag(c) M` with the moment M of
+    the weight about the root's origin, in its frame: the robot stands on other ground there. `after_m`: RMS distance with the
+    causes and this, m; c about x, y and z with standard deviations, rad/(N m)."""
+
+    after_m: float
+    yields_rad_per_nm: tuple[float, float, float]
+    std_rad_per_nm: tuple[float, float, float]
+
+
+@dataclass(frozen=True)
 class Checked:
-    """Another session, predicted with nothing of it fitted but its own mirrors: RMS distance before and after, m (None where
-    no marker can be compared)."""
+    """Another session, predicted with nothing of it fitted but its own mirrors, or the frame of its points: RMS distance before and
+    after, m (None where no marker can be compared). `ground`: where its base yields otherwise than in the first session."""
 
     session: str
     before_m: float | None
     after_m: float | None
+    ground: Ground | None = None
 
 
 @dataclass(frozen=True)

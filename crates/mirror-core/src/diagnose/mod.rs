@@ -57,8 +57,8 @@ mod tests;
 
 pub use data::diagnosis::{
     Alternative, Cause, Checked, ChosenAnew, Data, Diagnosis, Estimate, Field, FieldPoint, Gap, GapStep,
-    LeftOut, Limit, Member, Ranked, SeenMarker, Signature, SignaturePoint, Track, TrackAxis, TrackPoint,
-    Verdict, Where,
+    Ground, LeftOut, Limit, Member, Ranked, SeenMarker, Signature, SignaturePoint, Track, TrackAxis,
+    TrackPoint, Verdict, Where,
 };
 pub use data::progress::Progress;
 pub use data::recording::{

@@ -5,6 +5,7 @@ pub(super) mod evidence;
 pub(super) mod false_together;
 pub(super) mod findings;
 pub(super) mod gap_closed;
+mod its_ground;
 pub(super) mod left_out_together;
 pub(super) mod limits;
 pub(super) mod nested;

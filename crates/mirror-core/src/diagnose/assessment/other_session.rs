@@ -2,17 +2,19 @@
 //! fitted.
 
 use crate::diagnose::assessment::findings::Findings;
-use crate::diagnose::data::diagnosis::Checked;
+use crate::diagnose::assessment::its_ground::{is_other_ground, on_its_ground, told, with_ground};
+use crate::diagnose::data::diagnosis::{Checked, Ground};
 use crate::diagnose::effects::hypothesis::{Catalogue, Model};
 use crate::diagnose::effects::own::own_effects;
 use crate::diagnose::effects::vocabulary;
-use crate::diagnose::likelihood::fit::{FitOptions, Group, fit};
+use crate::diagnose::likelihood::fit::{Fit, FitOptions, Group, fit};
 use crate::diagnose::likelihood::noise;
 use crate::diagnose::likelihood::saturated::free_markers;
 use crate::diagnose::model::elementary::{Column, Weight};
 use crate::diagnose::model::problem::Problem;
 use crate::diagnose::prepare::options::OtherSession;
 use crate::diagnose::prepare::prepared::Prepared;
+use crate::diagnose::principles::A_GAP;
 use crate::error::Result;
 use std::sync::Arc;
 
@@ -30,13 +32,27 @@ pub(crate) fn check(findings: &Findings<'_>, prepared: &Prepared, other: &OtherS
     effects.extend(own_effects(&other.own, &problem.scene)?);
     let catalogue = Catalogue::new(&problem.scene, effects.into_iter().map(Arc::from).collect(), &[]);
     let nominal = Model { frozen: true, ..Model::nominal(&given) };
-    let before_m = gap_m(&given, &catalogue, &nominal, &Group::default())?;
+    let before_m = predicted(&given, &catalogue, &nominal, &Group::default())?.gap_m;
     let found = &findings.found.fit.model;
     let terms = found.causes_in((here.catalogue, &here.problem.scene), (&catalogue, &problem.scene));
     let (group, values) = constant_part(findings, &problem);
     let model = Model { frozen: true, terms, group: values, ..Model::nominal(&problem) };
-    let after_m = gap_m(&problem, &catalogue, &model, &group)?;
-    Ok(Checked { session: other.name.clone(), before_m, after_m })
+    let after = predicted(&problem, &catalogue, &model, &group)?;
+    let ground = ground(&after, &catalogue, &model, &group)?;
+    Ok(Checked { session: other.name.clone(), before_m, after_m: after.gap_m, ground })
+}
+
+/// How its base yields otherwise, where that is far more probable than not, and without it there is a gap.
+fn ground(after: &Predicted, catalogue: &Catalogue, model: &Model, group: &Group) -> Result<Option<Ground>> {
+    let (problem, Some(after_m)) = (&after.problem, after.gap_m) else { return Ok(None) };
+    let Some(with) = on_its_ground(problem) else { return Ok(None) };
+    if !is_other_ground(problem, &with, catalogue, group, &after.fit.model)? {
+        return Ok(None);
+    }
+    let there = predicted(&with, catalogue, &with_ground(model, &with), group)?;
+    // Laws that are not quite right let any parameter close a little.
+    let smaller = there.gap_m.filter(|gap_m| after_m > A_GAP * gap_m);
+    Ok(smaller.map(|gap_m| told(&with, &there.fit, gap_m)))
 }
 
 /// What is found besides causes and is the same in any session, as a group with its values: small errors, and by what a mistake's
@@ -55,19 +71,29 @@ fn constant_part(findings: &Findings<'_>, other: &Problem) -> (Group, Vec<f64>) 
     (Group { columns, prior_std, positive: Vec::new() }, values)
 }
 
-/// The root mean square displacement of the markers by a model of which only the nuisances are fitted, m; none where none is seen.
-fn gap_m(problem: &Problem, catalogue: &Catalogue, model: &Model, group: &Group) -> Result<Option<f64>> {
-    let (mut problem, mut model) = (problem.clone(), model.clone());
-    for _ in 0..2 {
+/// A session as a model predicts it of which only the nuisances are fitted.
+struct Predicted {
+    /// With the loads of this model.
+    problem: Problem,
+    fit: Fit,
+    /// RMS displacement of the markers, m; none where none is seen.
+    gap_m: Option<f64>,
+}
+
+fn predicted(problem: &Problem, catalogue: &Catalogue, model: &Model, group: &Group) -> Result<Predicted> {
+    let mut problem = problem.clone();
+    let mut fitted = |model: &Model| {
         let deformation = model.deformation(&problem, catalogue, &group.columns);
         problem.scene.update_loads(&deformation);
         let scatter = noise::effective(&problem, &deformation, problem.noise, None)?;
         let options = FitOptions { noise: scatter, steps: 6 };
-        model = fit(&problem, catalogue, group, &model, options, None)?.model;
-    }
-    let deformation = model.deformation(&problem, catalogue, &group.columns);
+        fit(&problem, catalogue, group, model, options, None)
+    };
+    let once = fitted(model)?;
+    let fit = fitted(&once.model)?;
+    let deformation = fit.model.deformation(&problem, catalogue, &group.columns);
     let postures = free_markers(&problem, &deformation, problem.noise, true, None)?;
     let seen = postures.iter().flat_map(|p| &p.markers);
     let (sum, count) = seen.fold((0.0, 0.0), |(s, c), m| (s + m.displacement.norm_squared(), c + 1.0));
-    Ok((count > 0.0).then(|| (sum / count).sqrt()))
+    Ok(Predicted { problem, fit, gap_m: (count > 0.0).then(|| (sum / count).sqrt()) })
 }

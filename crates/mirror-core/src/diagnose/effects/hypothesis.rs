@@ -151,6 +151,7 @@ pub(crate) fn nuisances(problem: &Problem) -> Vec<(Column, f64)> {
             out.push((Column::constant(Atom::FramePose(k)), UNKNOWN_STD));
         }
     }
+    out.extend(problem.ground.iter().cloned());
     out.extend(problem.mistake_parameters.iter().map(|l| (l.column.clone(), l.std)));
     out
 }

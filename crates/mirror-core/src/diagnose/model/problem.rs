@@ -6,7 +6,7 @@ use crate::diagnose::data::progress::Progress;
 use crate::diagnose::data::recording::{PointsFrame, Recording, Target, Tolerances, Via};
 use crate::diagnose::model::body::Site;
 use crate::diagnose::model::deformation::Deformation;
-use crate::diagnose::model::elementary::{Atom, moves_against};
+use crate::diagnose::model::elementary::{Atom, Column, moves_against};
 use crate::diagnose::model::mistake_parameters::MistakeParameter;
 use crate::diagnose::model::pose::Pose;
 use crate::diagnose::model::scene::Scene;
@@ -108,6 +108,8 @@ pub(crate) struct Problem {
     pub slips: Vec<Slip>,
     /// Free parameters of gross mistakes.
     pub mistake_parameters: Vec<MistakeParameter>,
+    /// How the base yields on this session's ground, where that is fitted: parameters of every model, with their priors' deviations.
+    pub ground: Vec<(Column, f64)>,
     pub camera: Option<Camera>,
     pub refractive_index: f64,
     /// The link (or the root, for an unknown frame) in whose frame measured points are given.
@@ -232,6 +234,7 @@ impl Problem {
             camera_site,
             slips: Vec::new(),
             mistake_parameters: Vec::new(),
+            ground: Vec::new(),
             camera: sight.map(|s| s.camera.clone()),
             refractive_index: sight.map_or(1.52, |s| s.refractive_index),
             points_site,

@@ -32,7 +32,7 @@ const KNOTS_A_SIDE: Size = 3;
 /// How far hysteresis reaches back, as shares of the range that the joint moves through.
 const HYSTERESIS_REACH: [f64; 4] = [0.04, 0.12, 0.3, 0.6];
 /// A common size of an error of an angle, rad.
-const TYPICAL_RAD: Prior = 0.03;
+pub(crate) const TYPICAL_RAD: Prior = 0.03;
 /// A common size of a shift, m.
 const TYPICAL_M: Prior = 0.005;
 /// A common size of an error of the optics: a share of the image's or of the board's size, or a turn of the camera, rad.

@@ -102,3 +102,67 @@ pub(crate) fn add_products(left: &Table, right: &Table, half: bool, sums: &mut [
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rand::{Rng, SeedableRng};
+    use rand_chacha::ChaCha8Rng;
+
+    /// Columns that are 0 outside a span, as they are written and in a table. The last one is in all rows.
+    fn columns(count: usize, rows: usize, rng: &mut ChaCha8Rng) -> (Table, Vec<Vec<f64>>) {
+        let mut table = Table::default();
+        table.clear(count, rows);
+        let written = (0..count).map(|column| {
+            let start = if column + 1 == count { 0 } else { rng.random_range(0..rows) };
+            let end = if column + 1 == count { rows } else { rng.random_range(start..=rows) };
+            let mut vector = vec![0.0; rows + PROJECTED];
+            vector[start..end].iter_mut().for_each(|x| *x = rng.random_range(-1.0..1.0));
+            if column % 3 != 0 {
+                vector[rows..].iter_mut().for_each(|x| *x = rng.random_range(-0.1..0.1));
+            }
+            let weight = rng.random_range(0.5..2.0);
+            table.write(column, &vector, Span { start, end }, weight);
+            vector.iter().map(|x| weight * x).collect()
+        });
+        let written = written.collect();
+        (table, written)
+    }
+
+    /// Against the equation itself, of few rows and many, and of columns that fill no table.
+    #[test]
+    fn products_are_of_the_rows_less_those_along_the_plane() {
+        let mut rng = ChaCha8Rng::seed_from_u64(3);
+        for (rows, many, few) in [(1, 1, 1), (7, 9, 3), (38, 50, 21), (301, 30, 12)] {
+            let (left, own) = columns(few, rows, &mut rng);
+            let (right, others) = columns(many, rows, &mut rng);
+            let wanted = |x: &[f64], y: &[f64]| -> f64 {
+                (0..rows + PROJECTED).map(|r| if r < rows { x[r] * y[r] } else { -x[r] * y[r] }).sum()
+            };
+            let (stride, begun) = (stride(many), 0.25);
+            let mut sums = vec![begun; few * stride];
+            add_products(&left, &right, false, &mut sums);
+            let mut half = vec![begun; many * stride];
+            add_products(&right, &right, true, &mut half);
+            for i in 0..many {
+                for j in 0..few {
+                    assert!((sums[j * stride + i] - begun - wanted(&own[j], &others[i])).abs() < 1e-12);
+                }
+                for j in i..many {
+                    assert!((half[j * stride + i] - begun - wanted(&others[j], &others[i])).abs() < 1e-12);
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn rows_that_are_written_whole_count_whole() {
+        let mut table = Table::default();
+        table.clear_rows(5, 6);
+        (0..6).for_each(|row| table.row_mut(row)[..5].copy_from_slice(&[1.0, 2.0, 0.0, -1.0, row as f64]));
+        let mut sums = vec![0.0; 5 * stride(5)];
+        add_products(&table, &table, true, &mut sums);
+        let of = |j: usize| sums[j * stride(5)..][..5].to_vec();
+        assert_eq!(of(4), [15.0, 30.0, 0.0, -15.0, 55.0]);
+    }
+}
