@@ -100,9 +100,8 @@ def show_diagnosis(output: Output, folder: Path, found: Diagnosis) -> None:
     for c in gap.checked:
         gaps.append((c.session, millimetres(c.before_m), millimetres(c.after_m), ""))
         if c.ground is not None:
-            gaps.append(
-                (f"… on its own ground: {ground_words(c.ground)}", "", millimetres(c.ground.after_m), "")
-            )
+            gaps.append(("… on its own ground", "", millimetres(c.ground.after_m), ""))
+            closed += f"{'; ' if closed else ''}{c.session}: {ground_words(c.ground)}"
     gaps += [
         (f"marker {w.marker}, withheld", millimetres(w.before_m), millimetres(w.after_m), "")
         for w in found.witness

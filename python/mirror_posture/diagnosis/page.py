@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from .._core import __version__
+from ..counted import counted
 from ..pages import Drawing, inline, render
 from ..session import Session
 from . import actions, formatting, limits
@@ -71,6 +72,7 @@ def write_report(session: Session, found: Diagnosis, folder: Path) -> Path:
         "incomplete": incomplete,
         "svg": svg,
         "told": formatting,
+        "counted": counted,
         "next_step": next_step,
         "acts": actions,
         "concerned": actions.concerned(found),
