@@ -9,8 +9,9 @@ use crate::diagnose::effects::Concern;
 
 use crate::diagnose::likelihood::probability::tempered;
 use crate::diagnose::model::deformation::Deformation;
+use crate::diagnose::prepare::first_day::REVERSED;
 use crate::diagnose::prepare::row_slip::{Slip, WHOLE_STD};
-use crate::diagnose::principles::{Grid, LEAST_LOG_ODDS, SURE_DEVIATIONS, Threshold};
+use crate::diagnose::principles::{Grid, LEAST_LOG_ODDS, Prior, SURE_DEVIATIONS, Threshold};
 use crate::diagnose::random_effects::displaced::log_bayes;
 use crate::diagnose::random_effects::geometric_tolerances::Geometry;
 use crate::diagnose::random_effects::small_errors::Kind;
@@ -24,11 +25,19 @@ use crate::diagnose::selection::standing::Standing;
 use crate::error::Result;
 use std::collections::BTreeMap;
 
+/// Smallest uncertainty of a ratio beside which a joint may turn the other way: laws are not exact.
+const REVERSED_STD: Prior = 0.005;
+
 /// The droop of a servo with stiction is reported as a separate cause if, at the largest load, it is more than this
 /// share of the dead band.
 pub(crate) const DROOP_BESIDE_BAND: Threshold = 0.1;
 /// Resolution of a play's friction, as a share of it; reported as its standard deviation.
 const FRICTION_RESOLUTION: Grid = 0.1;
+
+/// Whether a ratio's error is that of a joint that turns the other way, `1 + e = -1`: within its uncertainty.
+fn is_reversed(scale_error: &Estimate) -> bool {
+    (scale_error.value + 2.0).abs() < SURE_DEVIATIONS * scale_error.std.max(REVERSED_STD)
+}
 
 /// Each with what it is made of; whole mistakes and slips last.
 ///
@@ -100,8 +109,13 @@ fn of_term(
         let std = FRICTION_RESOLUTION * friction_nm;
         parameters.insert("friction_nm".to_owned(), Estimate { value: friction_nm, std });
     }
+    // A ratio of -1 is a wrong sign. The search for signs did not find it: it looks for errors that are far larger than small causes.
+    let reversed = effect.name() == "gear_ratio" && parameters.get("scale_error").is_some_and(is_reversed);
+    if reversed {
+        parameters.clear();
+    }
     let cause = Cause {
-        effect: effect.name().to_owned(),
+        effect: if reversed { REVERSED.0 } else { effect.name() }.to_owned(),
         at: place.name(scene),
         kind: effect.concern(place).word().into(),
         probability: standing.probability,
@@ -116,7 +130,7 @@ fn of_term(
                 probability: r.probability,
             })
             .collect(),
-        words: effect.words().to_owned(),
+        words: if reversed { REVERSED.1 } else { effect.words() }.to_owned(),
         rms_shift: rms_shift(findings, &search.deformation(&model.without(index)), all)?,
         members: Vec::new(),
         frames: Vec::new(),
@@ -227,5 +241,17 @@ fn of_slip(findings: &Findings<'_>, slip: &Slip) -> Cause {
         rms_shift: shift_of_rows(&search.problem, search.measured_noise, slip),
         members: Vec::new(),
         frames: Vec::new(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_ratio_within_its_uncertainty_of_minus_one_is_a_wrong_sign() {
+        let told = |value, std| is_reversed(&Estimate { value, std });
+        assert!(told(-1.9965, 0.0018) && told(-1.9, 0.05));
+        assert!(!told(-1.97, 0.002) && !told(-1.7, 0.05) && !told(0.02, 0.001));
     }
 }

@@ -11,7 +11,9 @@ use crate::diagnose::data::recording::Recording;
 use crate::diagnose::likelihood::noise::STATED_LOG_STD;
 use crate::diagnose::likelihood::probability::unfinished;
 use crate::diagnose::prepare::first_day::leaves_gross;
-use crate::diagnose::principles::{ABOVE_SCATTER, FAR_DEVIATIONS, LEAST_HELD_OUT_RATIO, MAJORITY};
+use crate::diagnose::principles::{
+    ABOVE_SCATTER, FAR_DEVIATIONS, LEAST_HELD_OUT_RATIO, MAJORITY, WORTH_NAMING,
+};
 use crate::diagnose::random_effects::geometric_tolerances::Geometry;
 use crate::diagnose::report::gap_steps::Part;
 use crate::diagnose::report::one_scale::one_scale;
@@ -264,6 +266,18 @@ pub(crate) fn as_before(gap: &mut Gap) {
     gap.chosen_anew = None;
 }
 
+/// What is told of a cause that with its alternatives is too improbable to be named, but without which the gap is larger: something else is
+/// there.
+fn improbable(causes: &[Cause]) -> Option<String> {
+    let together = |c: &Cause| c.probability + c.alternatives.iter().map(|a| a.probability).sum::<f64>();
+    let cause = causes.iter().find(|c| together(c) < WORTH_NAMING)?;
+    let place = cause.at.split_once(':').map_or(cause.at.as_str(), |(_, name)| name);
+    Some(format!(
+        " But {} at {place} is improbable and takes the place of something else.",
+        cause.effect.replace('_', " ")
+    ))
+}
+
 /// Takes a verdict back that the counted data do not carry.
 pub(crate) fn reserve(diagnosis: &mut Diagnosis, findings: &Findings<'_>) {
     if diagnosis.verdict == Verdict::None && evidence::much_is_false(&diagnosis.data) {
@@ -295,6 +309,10 @@ pub(crate) fn reserve(diagnosis: &mut Diagnosis, findings: &Findings<'_>) {
     }
     if diagnosis.verdict == Verdict::Explained && is_far {
         diagnosis.sentence += " But the remaining gap is far above the noise floor: there is another cause.";
+        diagnosis.verdict = Verdict::Partial;
+    }
+    if let Some(told) = improbable(&diagnosis.causes).filter(|_| diagnosis.verdict == Verdict::Explained) {
+        diagnosis.sentence += &told;
         diagnosis.verdict = Verdict::Partial;
     }
     if worse_than_before(&diagnosis.gap) && !diagnosis.causes.is_empty() {

@@ -4,7 +4,7 @@ use super::exchanges::source;
 use super::misfit::{LEAST_FALL, Misfit, Work};
 use super::mistake::{LENGTH_UNITS, LateKind, Mistake, UNITS, is_unit};
 use super::placed::Placed;
-use super::still_log::still_runs;
+use super::still_log::{SAME, still_runs};
 use super::variant::{Variant, seen_joints};
 use crate::diagnose::model::body::NodeId;
 use crate::diagnose::model::problem::{Observation, Problem, Seen};
@@ -291,13 +291,10 @@ impl<'a> Session<'a> {
             if !moves(&column) {
                 continue;
             }
-            out.extend(
-                still_runs(&column, &variant.positions).into_iter().map(|(first, last)| Mistake::LogFrozen {
-                    joint,
-                    first,
-                    last,
-                }),
-            );
+            // Where another alternative holds a joint, its log does not stand still.
+            let runs = still_runs(&column, &variant.positions).into_iter();
+            let logged = runs.filter(|(first, last)| self.is_logged_still(*first, *last));
+            out.extend(logged.map(|(first, last)| Mistake::LogFrozen { joint, first, last }));
             // The joint stays where it was commanded to last; each posture may be the last.
             let mut best: Option<(f64, Mistake)> = None;
             let mut held = variant.clone();
@@ -322,6 +319,13 @@ impl<'a> Session<'a> {
             out.extend(best.map(|b| b.1));
         }
         out
+    }
+
+    /// Whether the log of any joint stands still over a run of rows.
+    fn is_logged_still(&self, first: usize, last: usize) -> bool {
+        let scene = &self.problem.scene;
+        let stands = |n: usize| (first..=last).all(|f| (scene.q(f, n) - scene.q(first, n)).abs() < SAME);
+        (0..scene.nodes()).any(|n| scene.body.nodes[n].command.1 != 0.0 && stands(n))
     }
 
     /// What each row from the first on gains if a joint stands at a position, up to the end of the run of gaining rows: a

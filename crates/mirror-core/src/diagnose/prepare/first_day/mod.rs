@@ -75,6 +75,7 @@ use misfit::Misfit;
 use mistake::Changes;
 pub(crate) use mistake::{Mistake, unit_near};
 use permuted::chain_of_names;
+pub(crate) use reported::REVERSED;
 pub(crate) use resolutions::resolution_near;
 pub(crate) use spoilt::{Lost, Step, column};
 use undone::arranged_again;

@@ -17,6 +17,9 @@ pub(super) const MOTION: [&str; 6] = ["rx_rad", "ry_rad", "rz_rad", "dx_m", "dy_
 /// Numbers found by golden sections on a loss of many observations, relative.
 const REFINED_STD: Prior = 0.01;
 
+/// Name and words of a joint's wrong sign.
+pub(crate) const REVERSED: (&str, &str) = ("axis_sign", "the joint turns the other way");
+
 /// Causes of a mistake: one, or one for each pair of exchanged joints.
 pub(super) fn reported(
     mistake: &Mistake,
@@ -55,10 +58,10 @@ pub(super) fn reported(
     };
     match mistake {
         Mistake::AxisSign { node } => vec![cause(
-            "axis_sign",
+            REVERSED.0,
             format!("joint:{}", problem.scene.body.nodes[*node].joint),
             &[],
-            "the joint turns the other way",
+            REVERSED.1,
         )],
         Mistake::JointsSwapped { joints } => {
             vec![swapped(*joints, "two columns, or two servos' cables, changed places")]

@@ -4,7 +4,7 @@ use crate::diagnose::principles::{FEWEST_FRAMES, FEWEST_POSTURES, Guard, MAJORIT
 use core::ops::RangeInclusive;
 
 /// Changes below this are none, rad or m.
-const SAME: Guard = 1e-9;
+pub(super) const SAME: Guard = 1e-9;
 
 /// Runs of rows over which a column does not change while others (`rows`: all positions) do, and outside of which it changes together
 /// with others in most steps. A joint that is often commanded to stand still, as where one joint is moved at a time, does so in the run
