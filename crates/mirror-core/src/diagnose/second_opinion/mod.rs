@@ -146,6 +146,9 @@ fn accepted(
     for slip in found.diagnosis.causes.iter_mut().filter(|c| hardly_slipped(c)) {
         slip.probability = unfinished(slip.probability);
     }
+    // The rows that seemed slipped fit their own postures beside the causes, and no diagnosis without a slip was made, or better.
+    let of_rows = found.diagnosis.causes.iter_mut().filter(|c| found.rows_in_order && c.effect == "pairing");
+    of_rows.for_each(|slip| slip.probability = unfinished(slip.probability));
     // Of a mistake that does not differ from none, nothing is left to be named.
     let undone = |c: &Cause| mistakes.iter().any(|m| m.effect == c.effect && m.at == c.at);
     for nothing in found.diagnosis.causes.iter_mut().filter(|c| undone(c) && has_no_size(c)) {
