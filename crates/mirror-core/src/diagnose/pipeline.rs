@@ -3,6 +3,7 @@
 use crate::diagnose::assessment::evidence::{self, Sources};
 use crate::diagnose::assessment::false_together::came_back;
 use crate::diagnose::assessment::findings::Findings;
+use crate::diagnose::assessment::left_out_together::{LeftOutTogether, left_out_together};
 use crate::diagnose::assessment::nested::chosen_anew;
 use crate::diagnose::assessment::other_session::check;
 use crate::diagnose::assessment::survivors::keep_survivors;
@@ -227,7 +228,10 @@ fn warn_of_data(
     findings: &Findings<'_>,
 ) -> Result<()> {
     diagnosis.warnings.extend(background_was_taken(&diagnosis.data));
-    diagnosis.warnings.extend(came_back(recording, &diagnosis.data));
+    let together = left_out_together(&diagnosis.data, &findings.search.problem);
+    let told =
+        together.as_ref().filter(|it| it.depends_on == LeftOutTogether::TIME).map(|it| it.marker.as_str());
+    diagnosis.warnings.extend(came_back(recording, &diagnosis.data, told));
     diagnosis.warnings.extend(column_is_spoilt(prepared, &prepared.arranged.frame_numbers));
     diagnosis.warnings.extend(positions_are_rounded(findings)?);
     diagnosis.warnings.extend(noise_may_be_larger(findings)?);

@@ -24,16 +24,18 @@ pub(crate) fn lies_together(recording: &Recording, data: &Data) -> bool {
     in_a_run.fold(0.0, f64::max).max(at_once(&seen, p)) > -LOG_PRIOR_STRUCTURE
 }
 
-/// The warning if a marker was left out in most of a run of frames: it moved, and came back.
-pub(crate) fn came_back(recording: &Recording, data: &Data) -> Option<String> {
+/// The warning if a marker was left out in most of a run of frames: it moved, and came back. None where that is `told` of the
+/// marker already.
+pub(crate) fn came_back(recording: &Recording, data: &Data, told: Option<&str>) -> Option<String> {
     let seen = seen(recording, data);
     let p = false_share(&seen)?;
     let runs = (0..recording.markers.len()).filter_map(|m| Some((m, run_of(&seen, p, m)?)));
     let (marker, run) = runs.max_by(|a, b| a.1.gain.total_cmp(&b.1.gain))?;
-    (run.gain > -LOG_PRIOR_STRUCTURE).then(|| {
+    let name = recording.markers[marker].name.as_str();
+    (run.gain > -LOG_PRIOR_STRUCTURE && told != Some(name)).then(|| {
         format!(
             "{} was left out in {} of the {} frames from {} to {} that show it: something touched it there, or was taken for it; look at these frames, and fasten it",
-            recording.markers[marker].name,
+            name,
             run.left_out,
             run.shown,
             recording.frames[run.first].number,

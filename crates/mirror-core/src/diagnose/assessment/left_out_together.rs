@@ -23,6 +23,11 @@ pub(crate) struct LeftOutTogether {
     pub told: String,
 }
 
+impl LeftOutTogether {
+    /// What a run of rows depends on.
+    pub const TIME: &'static str = "time";
+}
+
 /// What is common to the postures that are off.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Common {
@@ -60,7 +65,7 @@ pub(crate) fn left_out_together(data: &Data, problem: &Problem) -> Option<LeftOu
             }
             Common::Between(first, last) => {
                 let number = |k: usize| problem.frame_numbers[given[marker][k].row];
-                ("time".to_owned(), format!("from frame {} to {}", number(first), number(last)))
+                (LeftOutTogether::TIME.to_owned(), format!("from frame {} to {}", number(first), number(last)))
             }
         };
         let told = format!(
