@@ -113,7 +113,7 @@ def test_the_largest_small_errors_are_named_and_no_row_is_zero(diagnosed: Path) 
         < largest.index("link r_forearm")
         < largest.index("link r_upper_arm")
     )
-    assert "link l_forearm" not in page and "1 that are zero in the digits shown" in page
+    assert "link l_forearm" not in page and "1 that is zero in the digits shown" in page
     assert not re.search(r"[ +-]0\.00 ± 0\.00", page)
     rows = re.findall(r"<tr>(.*?)</tr>", page, re.DOTALL)
     assert not any(">0 %<" in row or "drift" in row or "head_yaw" in row for row in rows)
