@@ -49,8 +49,8 @@ class NewSession:
     warnings: tuple[str, ...]
 
 
-def require_robot_file(file: Path) -> str:
-    """The text of a URDF, xacro or MJCF. Raises `MirrorPostureError` for no such file or another, before anything is asked about it."""
+def require_robot_file(file: Path) -> tuple[str, str]:
+    """The text of a URDF, xacro or MJCF, and its root's tag. Raises `MirrorPostureError` for no such file or another, before anything is asked about it."""
     if not file.is_file():
         raise MirrorPostureError(f"{file}: there is no such file; needed a URDF or an MJCF")
     needed = "needed a URDF or xacro (<robot>) or an MJCF (<mujoco>)"
@@ -61,7 +61,7 @@ def require_robot_file(file: Path) -> str:
         raise MirrorPostureError(f"{error}; {needed}") from None
     if root not in ROOTS:
         raise MirrorPostureError(f"{file}: got <{root}>, {needed}")
-    return text
+    return text, root
 
 
 def create_session(
@@ -96,10 +96,10 @@ def create_session(
     """
     if folder.exists():
         _check_replaceable(folder, overwrite)
-    text = require_robot_file(robot_file)
+    text, root = require_robot_file(robot_file)
     unusual = check_camera(camera, "camera.yaml")
     meshes: dict[str, Triangles] = {}
-    if XmlText(text, str(robot_file)).root.tag == "mujoco":
+    if root == "mujoco":
         text, meshes = urdf_from_mjcf(robot_file)
     elif is_xacro(text):
         text = XacroTree(robot_file, xacro_arguments, packages).expand({})

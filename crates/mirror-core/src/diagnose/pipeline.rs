@@ -3,7 +3,7 @@
 use crate::diagnose::assessment::evidence::{self, Sources};
 use crate::diagnose::assessment::false_together::came_back;
 use crate::diagnose::assessment::findings::Findings;
-use crate::diagnose::assessment::left_out_together::{LeftOutTogether, left_out_together};
+use crate::diagnose::assessment::left_out_together::LeftOutTogether;
 use crate::diagnose::assessment::nested::chosen_anew;
 use crate::diagnose::assessment::other_session::check;
 use crate::diagnose::assessment::survivors::keep_survivors;
@@ -28,7 +28,7 @@ use crate::diagnose::report::board_shape::{NotFlat, not_flat};
 use crate::diagnose::report::build;
 use crate::diagnose::report::optics_together;
 use crate::diagnose::report::reservations::{
-    background_was_taken, hangs_on_regions, noise_may_be_larger, reserve,
+    background_was_taken, hangs_on_regions, noise_may_be_larger, reserve, told_together,
 };
 use crate::diagnose::report::rounded_positions::positions_are_rounded;
 use crate::diagnose::report::seen_markers::seen_markers;
@@ -192,8 +192,9 @@ pub(crate) fn diagnose(
     let (arranged, left_out) = (&prepared.arranged, &prepared.left_out);
     let sources = Sources { given: recording, arranged, left_out };
     diagnosis.data = evidence::data(&sources, &findings)?;
-    warn_of_data(&mut diagnosis, recording, &prepared, &findings)?;
-    reserve(&mut diagnosis, &findings);
+    let together = told_together(&diagnosis, &findings.search.problem);
+    warn_of_data(&mut diagnosis, recording, &prepared, &findings, together.as_ref())?;
+    reserve(&mut diagnosis, &findings, together);
     optics_together::limit(&mut diagnosis);
     let not_flat = not_flat(&findings)?;
     if options.markers {
@@ -226,11 +227,10 @@ fn warn_of_data(
     recording: &Recording,
     prepared: &Prepared,
     findings: &Findings<'_>,
+    together: Option<&LeftOutTogether>,
 ) -> Result<()> {
     diagnosis.warnings.extend(background_was_taken(&diagnosis.data));
-    let together = left_out_together(&diagnosis.data, &findings.search.problem);
-    let told =
-        together.as_ref().filter(|it| it.depends_on == LeftOutTogether::TIME).map(|it| it.marker.as_str());
+    let told = together.filter(|it| it.depends_on == LeftOutTogether::TIME).map(|it| it.marker.as_str());
     diagnosis.warnings.extend(came_back(recording, &diagnosis.data, told));
     diagnosis.warnings.extend(column_is_spoilt(prepared, &prepared.arranged.frame_numbers));
     diagnosis.warnings.extend(positions_are_rounded(findings)?);

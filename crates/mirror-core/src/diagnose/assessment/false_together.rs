@@ -34,8 +34,7 @@ pub(crate) fn came_back(recording: &Recording, data: &Data, told: Option<&str>) 
     let name = recording.markers[marker].name.as_str();
     (run.gain > -LOG_PRIOR_STRUCTURE && told != Some(name)).then(|| {
         format!(
-            "{} was left out in {} of the {} frames from {} to {} that show it: something touched it there, or was taken for it; look at these frames, and fasten it",
-            name,
+            "{name} was left out in {} of the {} frames from {} to {} that show it: something touched it there, or was taken for it; look at these frames, and fasten it",
             run.left_out,
             run.shown,
             recording.frames[run.first].number,

@@ -8,9 +8,8 @@
 use crate::diagnose::data::diagnosis::Ground;
 use crate::diagnose::effects::hypothesis::{Catalogue, Model};
 use crate::diagnose::likelihood::fit::{Fit, FitOptions, Group, fit};
-use crate::diagnose::likelihood::noise;
 use crate::diagnose::model::elementary::{Atom, Column, Weight};
-use crate::diagnose::model::problem::Problem;
+use crate::diagnose::model::problem::{Noise, Problem};
 use crate::diagnose::principles::{Guard, LEAST_LOG_ODDS, LOG_PRIOR_STRUCTURE, TEMPER};
 use crate::diagnose::random_effects::free_form::TYPICAL_RAD;
 use crate::error::Result;
@@ -23,15 +22,15 @@ const LEAST_RANGE: Guard = 0.1;
 pub(super) fn on_its_ground(problem: &Problem) -> Option<Problem> {
     problem.unknown_frame?;
     let moments = &problem.scene.base_moment;
-    let largest = moments.iter().map(Vector3::norm).fold(0.0, f64::max);
-    if !(moments.iter().any(|m| *m != moments[0]) && largest > 0.0) {
-        return None;
-    }
     let range = |k: usize| {
         let of = || moments.iter().map(|m| m[k]);
         of().fold(f64::NEG_INFINITY, f64::max) - of().fold(f64::INFINITY, f64::min)
     };
     let widest = (0..3).map(range).fold(0.0, f64::max);
+    if !(widest > 0.0) {
+        return None;
+    }
+    let largest = moments.iter().map(Vector3::norm).fold(0.0, f64::max);
     // About an axis that is nearly upright there is hardly a moment, and nothing to be seen.
     let share = |k: usize| if range(k) > LEAST_RANGE * widest { 1.0 } else { 0.0 };
     let about = |k: usize| Column {
@@ -51,22 +50,18 @@ pub(super) fn with_ground(model: &Model, problem: &Problem) -> Model {
     out
 }
 
-/// Whether another c is far more probable than none, both fitted at the noise that the second leaves.
+/// Whether another c is far more probable than none, at the noise that the prediction without it leaves.
 ///
 /// # Errors
 /// Invalid parameters of camera or mirror.
 pub(super) fn is_other_ground(
-    problem: &Problem,
     with: &Problem,
     catalogue: &Catalogue,
     group: &Group,
-    predicted: &Model,
+    (without, noise): (&Fit, Noise),
 ) -> Result<bool> {
-    let deformation = predicted.deformation(problem, catalogue, &group.columns);
-    let scatter = noise::effective(problem, &deformation, problem.noise, None)?;
-    let options = FitOptions { noise: scatter, steps: 6 };
-    let without = fit(problem, catalogue, group, predicted, options, None)?;
-    let with = fit(with, catalogue, group, &with_ground(predicted, with), options, None)?;
+    let options = FitOptions { noise, steps: 6 };
+    let with = fit(with, catalogue, group, &with_ground(&without.model, with), options, None)?;
     let gain = with.log_evidence - without.log_evidence;
     Ok(TEMPER * gain + LOG_PRIOR_STRUCTURE > LEAST_LOG_ODDS)
 }

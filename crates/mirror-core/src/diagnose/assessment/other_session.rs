@@ -11,7 +11,7 @@ use crate::diagnose::likelihood::fit::{Fit, FitOptions, Group, fit};
 use crate::diagnose::likelihood::noise;
 use crate::diagnose::likelihood::saturated::free_markers;
 use crate::diagnose::model::elementary::{Column, Weight};
-use crate::diagnose::model::problem::Problem;
+use crate::diagnose::model::problem::{Noise, Problem};
 use crate::diagnose::prepare::options::OtherSession;
 use crate::diagnose::prepare::prepared::Prepared;
 use crate::diagnose::principles::A_GAP;
@@ -46,7 +46,7 @@ pub(crate) fn check(findings: &Findings<'_>, prepared: &Prepared, other: &OtherS
 fn ground(after: &Predicted, catalogue: &Catalogue, model: &Model, group: &Group) -> Result<Option<Ground>> {
     let (problem, Some(after_m)) = (&after.problem, after.gap_m) else { return Ok(None) };
     let Some(with) = on_its_ground(problem) else { return Ok(None) };
-    if !is_other_ground(problem, &with, catalogue, group, &after.fit.model)? {
+    if !is_other_ground(&with, catalogue, group, (&after.fit, after.noise))? {
         return Ok(None);
     }
     let there = predicted(&with, catalogue, &with_ground(model, &with), group)?;
@@ -76,24 +76,26 @@ struct Predicted {
     /// With the loads of this model.
     problem: Problem,
     fit: Fit,
+    /// At which it was fitted.
+    noise: Noise,
     /// RMS displacement of the markers, m; none where none is seen.
     gap_m: Option<f64>,
 }
 
 fn predicted(problem: &Problem, catalogue: &Catalogue, model: &Model, group: &Group) -> Result<Predicted> {
     let mut problem = problem.clone();
-    let mut fitted = |model: &Model| {
+    let mut fitted = |model: &Model| -> Result<(Fit, Noise)> {
         let deformation = model.deformation(&problem, catalogue, &group.columns);
         problem.scene.update_loads(&deformation);
-        let scatter = noise::effective(&problem, &deformation, problem.noise, None)?;
-        let options = FitOptions { noise: scatter, steps: 6 };
-        fit(&problem, catalogue, group, model, options, None)
+        let noise = noise::effective(&problem, &deformation, problem.noise, None)?;
+        let options = FitOptions { noise, steps: 6 };
+        Ok((fit(&problem, catalogue, group, model, options, None)?, noise))
     };
-    let once = fitted(model)?;
-    let fit = fitted(&once.model)?;
+    let (once, _) = fitted(model)?;
+    let (fit, noise) = fitted(&once.model)?;
     let deformation = fit.model.deformation(&problem, catalogue, &group.columns);
     let postures = free_markers(&problem, &deformation, problem.noise, true, None)?;
     let seen = postures.iter().flat_map(|p| &p.markers);
     let (sum, count) = seen.fold((0.0, 0.0), |(s, c), m| (s + m.displacement.norm_squared(), c + 1.0));
-    Ok(Predicted { problem, fit, gap_m: (count > 0.0).then(|| (sum / count).sqrt()) })
+    Ok(Predicted { problem, fit, noise, gap_m: (count > 0.0).then(|| (sum / count).sqrt()) })
 }

@@ -78,8 +78,8 @@ impl NodePoses {
     }
 
     /// As [`NodePoses::update_of`] where the same frame was posed before with the same deformation: only the nodes whose
-    /// position is another than `before`, and what these carry. A node that was never posed is NaN in `before`, which is
-    /// brought up to date.
+    /// position is another than `before`, and what these carry. `before` then has these positions; NaN of a node that
+    /// is not posed.
     pub fn update_changed(
         &mut self,
         body: &Body,

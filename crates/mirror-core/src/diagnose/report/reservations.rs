@@ -10,6 +10,7 @@ use crate::diagnose::data::diagnosis::{Cause, Data, Diagnosis, Gap, LeftOut, Ver
 use crate::diagnose::data::recording::Recording;
 use crate::diagnose::likelihood::noise::STATED_LOG_STD;
 use crate::diagnose::likelihood::probability::unfinished;
+use crate::diagnose::model::problem::Problem;
 use crate::diagnose::prepare::first_day::leaves_gross;
 use crate::diagnose::principles::{
     ABOVE_SCATTER, FAR_DEVIATIONS, LEAST_HELD_OUT_RATIO, MAJORITY, WORTH_NAMING,
@@ -278,21 +279,28 @@ fn improbable(causes: &[Cause]) -> Option<String> {
     ))
 }
 
-/// Takes a verdict back that the counted data do not carry.
-pub(crate) fn reserve(diagnosis: &mut Diagnosis, findings: &Findings<'_>) {
+/// What the left-out postures of a marker have in common, if that is told: not where a joint is elsewhere, or stood still, which leaves
+/// them out.
+pub(crate) fn told_together(diagnosis: &Diagnosis, problem: &Problem) -> Option<LeftOutTogether> {
+    if stood_still(diagnosis) || evidence::what_is_elsewhere(&diagnosis.data, problem).is_some() {
+        return None;
+    }
+    left_out_together(&diagnosis.data, problem)
+}
+
+/// Takes a verdict back that the counted data do not carry. `together`: of [`told_together`].
+pub(crate) fn reserve(diagnosis: &mut Diagnosis, findings: &Findings<'_>, together: Option<LeftOutTogether>) {
     if diagnosis.verdict == Verdict::None && evidence::much_is_false(&diagnosis.data) {
         diagnosis.sentence = evidence::what_is_false(&diagnosis.data);
         diagnosis.verdict = Verdict::Unknown;
     }
     let problem = &findings.search.problem;
-    if let Some((joint, told)) = evidence::what_is_elsewhere(&diagnosis.data, problem) {
-        let at = format!("joint:{joint}");
-        tell_left_out(diagnosis, Where { at, share: 1.0, depends_on: Some("row".into()) }, told);
-    } else if let Some(LeftOutTogether { marker, depends_on, told }) =
-        left_out_together(&diagnosis.data, problem).filter(|_| !stood_still(diagnosis))
-    {
+    if let Some(LeftOutTogether { marker, depends_on, told }) = together {
         let at = format!("marker:{marker}");
         tell_left_out(diagnosis, Where { at, share: 1.0, depends_on: Some(depends_on) }, told);
+    } else if let Some((joint, told)) = evidence::what_is_elsewhere(&diagnosis.data, problem) {
+        let at = format!("joint:{joint}");
+        tell_left_out(diagnosis, Where { at, share: 1.0, depends_on: Some("row".into()) }, told);
     }
     if let (Verdict::None, Some(told)) = (diagnosis.verdict, evidence::rows_elsewhere(&diagnosis.data)) {
         diagnosis.sentence += &format!(" But {told}.");

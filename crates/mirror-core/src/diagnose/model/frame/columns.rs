@@ -107,13 +107,13 @@ impl FrameWork {
         }
         // How the elementary change moves a target is computed once for all of its rows.
         for rows in self.rows[condensed.corners..].chunk_by(|_, next| next.continues) {
-            let of_target =
-                twist.as_ref().map(|twist| self.target_twist(problem, deformation, atom, twist, &rows[0]));
-            if let Some(None) = of_target {
+            let of_target = twist
+                .as_ref()
+                .and_then(|twist| self.target_twist(problem, deformation, atom, twist, &rows[0]));
+            if twist.is_some() && of_target.is_none() {
                 at += rows.iter().map(|row| row.count).sum::<usize>();
                 continue;
             }
-            let of_target = of_target.flatten();
             for row in rows {
                 let value = match &of_target {
                     Some(t) => Some(row.by_world * (t.omega.cross(&row.point) + t.shift)),

@@ -20,9 +20,9 @@ pub(super) struct Rows {
     /// The point in the world.
     pub(super) point: Vector3<f64>,
     pub(super) plane: Matrix3<f64>,
-    /// Index of its columns of the optics in [`FrameWork::optics`], if they were requested.
+    /// Index of its columns of the optics in [`FrameWork::optics`](super::work::FrameWork), if they were requested.
     pub(super) optics: Option<usize>,
-    /// Index of its free-form columns in [`FrameWork::free`], if they were requested.
+    /// Index of its free-form columns in [`FrameWork::free`](super::work::FrameWork), if they were requested.
     pub(super) free: Option<usize>,
     pub(super) measured: bool,
     /// Whether the row before it is of the same target and observer.

@@ -321,11 +321,11 @@ impl<'a> Session<'a> {
         out
     }
 
-    /// Whether the log of any joint stands still over a run of rows.
+    /// Whether the log of a joint that moves elsewhere stands still over a run of rows.
     fn is_logged_still(&self, first: usize, last: usize) -> bool {
         let scene = &self.problem.scene;
         let stands = |n: usize| (first..=last).all(|f| (scene.q(f, n) - scene.q(first, n)).abs() < SAME);
-        (0..scene.nodes()).any(|n| scene.body.nodes[n].command.1 != 0.0 && stands(n))
+        (0..scene.nodes()).any(|n| scene.moves(n) && stands(n))
     }
 
     /// What each row from the first on gains if a joint stands at a position, up to the end of the run of gaining rows: a

@@ -72,6 +72,7 @@ pub(super) struct Misfit<'a> {
     with_boards: bool,
     /// Of each frame, the mirrors at other positions.
     at_others: Vec<Mutex<Remembered>>,
+    /// Of each frame, the poses computed last.
     kept: KeptPoses,
     /// Size of usual errors, m.
     pub usual_m: f64,

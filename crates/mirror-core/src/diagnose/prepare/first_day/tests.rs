@@ -203,6 +203,32 @@ fn beside_what_is_known_distances_are_those_of_the_noise() {
     assert!(beside.usual_m < 0.1 * nominal.usual_m);
 }
 
+/// A joint that one alternative holds is no log that stands still in the next, though another joint of the robot never moves; a log that
+/// does is told.
+#[test]
+fn a_joint_that_an_alternative_holds_is_no_log_that_stands_still() {
+    let world = World::new(4, false);
+    let mut recording = world.record(&PLAN);
+    let robot = Robot::from_urdf_str(&world.urdf()).unwrap();
+    let column = |name: &str| robot.position_index(name).unwrap();
+    let (held, never) = (column("r_shoulder_roll"), column("l_elbow"));
+    recording.frames.iter_mut().for_each(|frame| frame.commanded[never] = 0.1);
+    let stop = Mistake::JointFrozen { joint: held, first: 6, last: 17, position: 0.2 };
+    let still_logs = |recording: &Recording, stopped: bool| {
+        let problem = problem_of(&world, recording);
+        let misfit = Misfit::new(&problem).unwrap();
+        let mut variant = Variant::of(recording, &problem);
+        if stopped {
+            stop.on_variant(&mut variant);
+        }
+        let told = Session::new(&problem, &misfit, &[]).of_stops(&variant);
+        told.iter().filter(|m| matches!(m, Mistake::LogFrozen { .. })).cloned().collect::<Vec<_>>()
+    };
+    assert!(still_logs(&recording, false).is_empty() && still_logs(&recording, true).is_empty());
+    recording.frames[6..=17].iter_mut().for_each(|frame| frame.commanded[held] = 0.2);
+    assert_eq!(still_logs(&recording, false), [Mistake::LogFrozen { joint: held, first: 6, last: 17 }]);
+}
+
 /// Of alternatives that are tried one after another only what moves is posed again: with the same losses, to the last bit, as where nothing
 /// is kept. A marker is tried on another link in between, whose nodes the session's own sites may not ride on.
 #[test]
