@@ -248,3 +248,17 @@ def test_correction_and_diagnosis_do_not_import_each_other() -> None:
         for name in modules:
             if within(name, f"mirror_posture.{own}"):
                 assert not any(within(m, f"mirror_posture.{other}") for m in modules[name]), name
+
+
+def test_every_source_can_be_read_in_one_sitting() -> None:
+    top = PYTHON.parent
+    sources = [
+        file for folder in ("crates", "python", "tests", "benches") for file in (top / folder).rglob("*.*")
+    ]
+    lengths = {
+        str(file.relative_to(top)): len(file.read_text(encoding="utf-8").splitlines())
+        for file in sources
+        if file.suffix in (".rs", ".py")
+    }
+    assert len(lengths) > 1000
+    assert not {file: length for file, length in lengths.items() if length > 500}

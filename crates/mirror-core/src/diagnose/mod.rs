@@ -55,10 +55,11 @@ mod selection;
 #[cfg(test)]
 mod tests;
 
+pub use data::checked::{Checked, Ground};
 pub use data::diagnosis::{
-    Alternative, Cause, Checked, ChosenAnew, Data, Diagnosis, Estimate, Field, FieldPoint, Gap, GapStep,
-    Ground, LeftOut, Limit, Member, Ranked, SeenMarker, Signature, SignaturePoint, Track, TrackAxis,
-    TrackPoint, Verdict, Where,
+    Alternative, Cause, ChosenAnew, Data, Diagnosis, Estimate, Field, FieldPoint, Gap, GapStep, LeftOut,
+    Limit, Member, Ranked, SeenMarker, Signature, SignaturePoint, Track, TrackAxis, TrackPoint, Verdict,
+    Where,
 };
 pub use data::progress::Progress;
 pub use data::recording::{

@@ -5,7 +5,8 @@
 
 use crate::diagnose::assessment::noise_floor::Floor;
 use crate::diagnose::criteria::cross_validation::{PostureGap, size};
-use crate::diagnose::data::diagnosis::{Checked, Gap};
+use crate::diagnose::data::checked::Checked;
+use crate::diagnose::data::diagnosis::Gap;
 use crate::diagnose::principles::{FEWEST_POSTURES, LEAST_HELD_OUT_RATIO, Size};
 use crate::random::Random;
 use std::collections::HashMap;

@@ -5,7 +5,7 @@
 //! prediction of it could know. So it is fitted where it is far more probable than none, and told beside the prediction, which
 //! is without it.
 
-use crate::diagnose::data::diagnosis::Ground;
+use crate::diagnose::data::checked::Ground;
 use crate::diagnose::effects::hypothesis::{Catalogue, Model};
 use crate::diagnose::likelihood::fit::{Fit, FitOptions, Group, fit};
 use crate::diagnose::model::elementary::{Atom, Column, Weight};

@@ -3,7 +3,7 @@
 
 use crate::diagnose::assessment::findings::Findings;
 use crate::diagnose::assessment::its_ground::{is_other_ground, on_its_ground, told, with_ground};
-use crate::diagnose::data::diagnosis::{Checked, Ground};
+use crate::diagnose::data::checked::{Checked, Ground};
 use crate::diagnose::effects::hypothesis::{Catalogue, Model};
 use crate::diagnose::effects::own::own_effects;
 use crate::diagnose::effects::vocabulary;

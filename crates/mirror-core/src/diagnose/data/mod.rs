@@ -1,5 +1,6 @@
 //! Input (a recording) and output (a diagnosis).
 
+pub(super) mod checked;
 pub(super) mod diagnosis;
 pub(super) mod progress;
 pub(super) mod recording;
