@@ -4,7 +4,7 @@ use crate::diagnose::model::camera_and_mirror::FootPoints;
 use crate::diagnose::model::deformation::Deformation;
 use crate::diagnose::model::elementary::{Atom, Column, Weight};
 use crate::diagnose::model::frame::{
-    FrameWork, LANES, PROJECTED, Span, Table, Task, Wanted, add_products, stride,
+    Acting, FrameWork, LANES, ManyColumns, PROJECTED, Span, Table, Task, Wanted, add_products, stride,
 };
 use crate::diagnose::model::problem::{FRAMES_A_CHUNK, Noise, Problem};
 use crate::diagnose::principles::Size;
@@ -201,10 +201,10 @@ impl Sums {
     }
 
     /// Adds products of some of the columns with each other.
-    fn add_of(&mut self, columns: &[(usize, f64)], products: &[f64]) {
+    fn add_of(&mut self, columns: &[usize], products: &[f64]) {
         let (own, all) = (stride(columns.len()), stride(self.count + 1));
-        for (a, &(i, _)) in columns.iter().enumerate() {
-            for (b, &(j, _)) in columns[..=a].iter().enumerate() {
+        for (a, &i) in columns.iter().enumerate() {
+            for (b, &j) in columns[..=a].iter().enumerate() {
                 self.products[i.max(j) * all + i.min(j)] += products[a * own + b];
             }
         }
@@ -239,11 +239,11 @@ pub(crate) fn by_atom(columns: &[Column]) -> Vec<(Atom, Vec<usize>)> {
 /// Reusable memory.
 struct Scratch {
     work: FrameWork,
-    vector: Vec<f64>,
+    columns: ManyColumns,
     table: Table,
-    /// The columns that act in the frame with their weights, atom by atom, and how many each atom has.
-    acting: Vec<(usize, f64)>,
-    of_atoms: Vec<(Atom, usize)>,
+    /// The columns that act in the frame, atom by atom, and which they are.
+    acting: Vec<Acting>,
+    which: Vec<usize>,
     /// Products of only these.
     products: Vec<f64>,
 }
@@ -252,10 +252,10 @@ impl Scratch {
     fn new(problem: &Problem) -> Self {
         Self {
             work: FrameWork::new(problem),
-            vector: Vec::new(),
+            columns: ManyColumns::default(),
             table: Table::default(),
             acting: Vec::new(),
-            of_atoms: Vec::new(),
+            which: Vec::new(),
             products: Vec::new(),
         }
     }
@@ -284,32 +284,25 @@ impl Scratch {
         self.find_acting(problem, columns, by_atom, frame);
         // Of curves over a joint's positions few values act in a frame: then only the products of these are computed.
         let few = 2 * self.acting.len() < count;
-        let Self { work, vector, table, acting, of_atoms, products } = self;
-        let last = if few { acting.len() } else { count };
-        vector.resize(work.row_count + PROJECTED, 0.0);
+        let last = if few { self.acting.len() } else { count };
+        if few {
+            self.acting.iter_mut().enumerate().for_each(|(at, column)| column.at = at);
+        }
+        let Self { work, columns, table, acting, which, products } = self;
         table.clear(last + 1, work.row_count);
-        let mut first = 0;
-        for &(atom, of_atom) in of_atoms.iter() {
-            let own = first..first + of_atom;
-            first = own.end;
-            let Some(span) = work.column_in(problem, task.deformation, frame, atom, vector) else {
-                continue;
-            };
-            for at in own {
-                let (i, weight) = acting[at];
-                table.write(if few { at } else { i }, vector, span, weight);
-                if with_plane {
-                    sum.planes.by_parameter[of_frame + i] = work.foot_by(vector) * weight;
-                }
+        columns.write(work, (problem, task.deformation), acting, table);
+        if with_plane {
+            for (column, i) in acting.iter().zip(which.iter()) {
+                sum.planes.by_parameter[of_frame + i] = work.foot_by(&table.along(column.at));
             }
         }
         table.write(last, &work.residual, Span { start: 0, end: work.row_count }, 1.0);
         if few {
-            acting.push((count, 1.0));
+            which.push(count);
             products.clear();
-            products.resize(acting.len() * stride(acting.len()), 0.0);
+            products.resize(which.len() * stride(which.len()), 0.0);
             add_products(table, table, true, products);
-            sum.add_of(acting, products);
+            sum.add_of(which, products);
         } else {
             add_products(table, table, true, &mut sum.products);
         }
@@ -324,13 +317,14 @@ impl Scratch {
         frame: usize,
     ) {
         self.acting.clear();
-        self.of_atoms.clear();
-        for (atom, indices) in by_atom {
-            let before = self.acting.len();
-            let weights = indices.iter().map(|&i| (i, columns[i].weight.at(&problem.scene, frame)));
-            self.acting.extend(weights.filter(|w| w.1 != 0.0));
-            if self.acting.len() > before {
-                self.of_atoms.push((*atom, self.acting.len() - before));
+        self.which.clear();
+        for (index, (atom, indices)) in by_atom.iter().enumerate() {
+            for &at in indices {
+                let weight = columns[at].weight.at(&problem.scene, frame);
+                if weight != 0.0 {
+                    self.acting.push(Acting { atom: *atom, index, at, weight });
+                    self.which.push(at);
+                }
             }
         }
     }

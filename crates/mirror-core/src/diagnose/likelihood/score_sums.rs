@@ -11,7 +11,9 @@ use crate::diagnose::effects::hypothesis::{Catalogue, Model};
 use crate::diagnose::likelihood::fit::{Active, Group};
 use crate::diagnose::likelihood::normal_equations::{by_atom, changes_sight, counts, inner, rounds};
 use crate::diagnose::model::elementary::{Atom, Column};
-use crate::diagnose::model::frame::{FrameWork, PROJECTED, Span, Table, Task, Wanted, add_products, stride};
+use crate::diagnose::model::frame::{
+    Acting, FrameWork, ManyColumns, PROJECTED, Span, Table, Task, Wanted, add_products, stride,
+};
 use crate::diagnose::model::problem::{Noise, Problem};
 use crate::error::Result;
 use nalgebra::{DMatrix, DVector};
@@ -169,8 +171,11 @@ impl Candidates {
                 None => atoms.push((atom, indices)),
             }
         }
+        let acting =
+            |(index, of): (usize, &(Atom, Vec<usize>))| Acting { atom: of.0, index, at: index, weight: 1.0 };
         let what = Screened {
             active,
+            every_atom: atoms.iter().enumerate().map(acting).collect(),
             atoms,
             candidate_atoms: self.atoms.len(),
             pairs: &self.pairs,
@@ -211,6 +216,7 @@ struct Screened<'a> {
     active: &'a [Column],
     /// The candidates' atoms first; each with the active columns that it has.
     atoms: Vec<(Atom, Vec<usize>)>,
+    every_atom: Vec<Acting>,
     candidate_atoms: usize,
     pairs: &'a [(usize, usize)],
     candidates: &'a [Candidate],
@@ -252,9 +258,9 @@ impl Part {
 /// Reusable memory. The residual is stored after the active columns.
 struct Scratch {
     work: FrameWork,
-    /// Vectors of the atoms, and where each is not 0; none where it is absent from the frame.
+    columns: ManyColumns,
+    /// Vectors of the atoms.
     by_atom: Vec<f64>,
-    atom_spans: Vec<Option<Span>>,
     /// The active columns with the residual, and the atoms.
     active: Table,
     atoms: Table,
@@ -268,8 +274,8 @@ impl Scratch {
     fn new(problem: &Problem) -> Self {
         Self {
             work: FrameWork::new(problem),
+            columns: ManyColumns::default(),
             by_atom: Vec::new(),
-            atom_spans: Vec::new(),
             active: Table::default(),
             atoms: Table::default(),
             atom_active: Vec::new(),
@@ -293,23 +299,18 @@ impl Scratch {
         let scene = &problem.scene;
         let (rows, count) = (self.work.row_count, what.active.len());
         let length = rows + PROJECTED;
-        self.active.clear(count + 1, rows);
-        self.atoms.clear(what.candidate_atoms, rows);
+        self.atoms.clear(what.atoms.len(), rows);
+        self.columns.write(&self.work, (problem, task.deformation), &what.every_atom, &mut self.atoms);
         self.by_atom.resize(what.atoms.len() * length, 0.0);
-        self.atom_spans.clear();
-        for (a, (atom, indices)) in what.atoms.iter().enumerate() {
+        self.active.clear(count + 1, rows);
+        for (a, (_, indices)) in what.atoms.iter().enumerate() {
             let vector = &mut self.by_atom[a * length..(a + 1) * length];
-            let span = self.work.column_in(problem, task.deformation, frame, *atom, vector);
-            self.atom_spans.push(span);
-            let Some(span) = span else { continue };
+            self.atoms.read(a, vector);
             for &i in indices {
                 let weight = what.active[i].weight.at(scene, frame);
                 if weight != 0.0 {
-                    self.active.write(i, vector, span, weight);
+                    self.active.write(i, vector, Span { start: 0, end: rows }, weight);
                 }
-            }
-            if a < what.candidate_atoms {
-                self.atoms.write(a, vector, span, 1.0);
             }
         }
         self.active.write(count, &self.work.residual, Span { start: 0, end: rows }, 1.0);
@@ -317,22 +318,16 @@ impl Scratch {
         let stride = stride(count + 1);
         self.atom_active.clear();
         self.atom_active.resize(what.candidate_atoms * stride, 0.0);
+        self.atoms.keep_first(what.candidate_atoms);
         add_products(&self.atoms, &self.active, false, &mut self.atom_active);
         let atom = |a: usize| &self.by_atom[a * length..(a + 1) * length];
         self.pair_products.clear();
-        self.pair_products.extend(what.pairs.iter().map(|&(a, b)| {
-            match (self.atom_spans[a], self.atom_spans[b]) {
-                (Some(_), Some(_)) => inner(atom(a), atom(b)),
-                _ => 0.0,
-            }
-        }));
+        self.pair_products.extend(what.pairs.iter().map(|&(a, b)| inner(atom(a), atom(b))));
         let mut weights = Vec::new();
         for (candidate, sums) in what.candidates.iter().zip(&mut out.sums) {
             let columns = &candidate.columns;
             weights.clear();
-            weights.extend(columns.iter().map(|(a, column)| {
-                if self.atom_spans[*a].is_some() { column.weight.at(scene, frame) } else { 0.0 }
-            }));
+            weights.extend(columns.iter().map(|(_, column)| column.weight.at(scene, frame)));
             for (i, (a, _)) in columns.iter().enumerate() {
                 let w = weights[i];
                 if w == 0.0 {

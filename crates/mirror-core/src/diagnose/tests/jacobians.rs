@@ -21,12 +21,12 @@ fn problem() -> Problem {
 }
 
 /// The same, with a neck between camera and board or with both on one body.
-fn problem_with(neck: bool) -> Problem {
+pub(super) fn problem_with(neck: bool) -> Problem {
     problem_of(&World::new(4, neck))
 }
 
 /// The same with gears between joints: the neck turns along with a shoulder, an elbow with another one of its own arm.
-fn problem_with_gears() -> Problem {
+pub(super) fn problem_with_gears() -> Problem {
     let mut world = World::new(4, true);
     let bone = |name: &str| world.bone(name);
     world.geared = vec![
@@ -49,7 +49,7 @@ fn problem_of(world: &World) -> Problem {
 }
 
 /// A deformation away from zero in everything, so that no derivative is taken at a point of symmetry.
-fn somewhere(problem: &Problem) -> Deformation {
+pub(super) fn somewhere(problem: &Problem) -> Deformation {
     let mut d = problem.nominal();
     for n in 0..problem.scene.nodes() {
         d.tilt[n].x = 0.01;
@@ -81,7 +81,7 @@ fn somewhere(problem: &Problem) -> Deformation {
     d
 }
 
-fn atoms(problem: &Problem) -> Vec<Atom> {
+pub(super) fn atoms(problem: &Problem) -> Vec<Atom> {
     let nodes = problem.scene.nodes();
     let mut out: Vec<Atom> = (0..nodes)
         .flat_map(|n| [Atom::Joint(n), Atom::Tilt(n, 0), Atom::Tilt(n, 1), Atom::Bend(n)])

@@ -11,6 +11,7 @@ pub(super) mod gap_world;
 mod jacobians;
 mod joint_scatter;
 mod linear_models;
+mod many_columns;
 mod near_ties;
 mod noise;
 mod places;

@@ -11,7 +11,12 @@ use crate::diagnose::model::slips::Slipped;
 use nalgebra::{Vector3, Vector6};
 
 /// How an atom of the body moves a row's target against its observer: 1, −1 where it is the observer that moves, or not at all.
-fn motion(problem: &Problem, node: Option<NodeId>, observer: Option<NodeId>, atom: Atom) -> Option<f64> {
+pub(super) fn motion(
+    problem: &Problem,
+    node: Option<NodeId>,
+    observer: Option<NodeId>,
+    atom: Atom,
+) -> Option<f64> {
     let target = moves(atom, &problem.scene, node);
     let observer = moves(atom, &problem.scene, observer);
     (target != observer).then_some(if target { 1.0 } else { -1.0 })
@@ -38,14 +43,19 @@ fn relative_twist(
 
 /// How the board's mount moves a row's target relative to its observer: the board itself, and a camera on the same
 /// body.
-fn board_motion(problem: &Problem, target: bool, measured: bool) -> Option<f64> {
+pub(super) fn board_motion(problem: &Problem, target: bool, measured: bool) -> Option<f64> {
     let observer = !measured && problem.camera_beside_board();
     (target != observer).then_some(if target { 1.0 } else { -1.0 })
 }
 
 impl FrameWork {
     /// The velocity field of the board's mount, or of its slip on it: of `before ∘ (Exp ω, t)` by ω or t.
-    fn board_twist(&self, problem: &Problem, deformation: &Deformation, atom: Atom) -> Option<Twist> {
+    pub(super) fn board_twist(
+        &self,
+        problem: &Problem,
+        deformation: &Deformation,
+        atom: Atom,
+    ) -> Option<Twist> {
         let board = problem.board_in(self.frame)?;
         let (actual, tangent, k) = match atom {
             Atom::BoardMount(k) => {
@@ -247,7 +257,7 @@ impl FrameWork {
 
 /// The index of an elementary change among the columns of the optics; none where it is not of the optics. Every
 /// elementary change is listed: a new one must be added here.
-fn optics_column(atom: Atom) -> Option<usize> {
+pub(super) fn optics_column(atom: Atom) -> Option<usize> {
     match atom {
         Atom::CameraMount(k) => Some(k),
         Atom::Focal => Some(6),

@@ -73,6 +73,23 @@ impl Condensed {
         self.of_motion
     }
 
+    /// What a row grows by with each number of a twist in the world: `(Tᵀj₀ + a × Tᵀj₁, Tᵀj₁)` of a row `(j₀, j₁)`, turned
+    /// by T, about a.
+    pub fn by_world_twist(&self, row: usize) -> [f64; MOTION] {
+        let by = &self.row(row)[..MOTION];
+        let turn = self.turned.tr_mul(&Vector3::new(by[0], by[1], by[2]));
+        let shift = self.turned.tr_mul(&Vector3::new(by[3], by[4], by[5]));
+        let turn = turn + self.about.cross(&shift);
+        [turn.x, turn.y, turn.z, shift.x, shift.y, shift.z]
+    }
+
+    /// The plane's columns of a row.
+    pub fn plane_of_row(&self, row: usize) -> [f64; PROJECTED] {
+        let first = self.columns - 1 - PROJECTED;
+        let row = self.row(row);
+        [row[first], row[first + 1], row[first + 2]]
+    }
+
     /// The rows of a column by the optics.
     pub fn by_optics(&self, column: usize, out: &mut [f64]) -> usize {
         match &self.by_mount {
@@ -90,13 +107,8 @@ impl Condensed {
 
     /// The rows' part of a product with the plane's columns, `Pᵀx`.
     pub fn plane_of(&self, x: &[f64]) -> Vector3<f64> {
-        let first = self.columns - 1 - PROJECTED;
-        let mut out = Vector3::zeros();
-        for (row, x) in x[..self.rank].iter().enumerate() {
-            let plane = &self.row(row)[first..first + PROJECTED];
-            out += Vector3::new(plane[0], plane[1], plane[2]) * *x;
-        }
-        out
+        let rows = x[..self.rank].iter().enumerate();
+        rows.map(|(row, x)| Vector3::from(self.plane_of_row(row)) * *x).sum()
     }
 
     /// R's rows by the products of all columns with each other.

@@ -11,6 +11,7 @@ mod columns;
 mod condensed;
 mod condensing;
 mod corners;
+mod many_columns;
 mod many_corners;
 mod many_markers;
 mod marker_sights;
@@ -28,6 +29,7 @@ mod work;
 
 pub(crate) use board_fit::FEWEST_CORNERS;
 pub(crate) use corners::SeenCorner;
+pub(crate) use many_columns::{Acting, ManyColumns};
 pub(crate) use products::{LANES, PROJECTED, Span, Table, add_products, stride};
 pub(crate) use sight::Wanted;
 pub(crate) use work::{FrameWork, Task};

@@ -2,6 +2,7 @@
 
 use crate::diagnose::principles::Size;
 use multiversion::multiversion;
+use nalgebra::{Matrix3, Vector3};
 
 /// Extra numbers behind a column's rows: its projection on the plane's three parameters.
 pub(crate) const PROJECTED: Size = 3;
@@ -58,6 +59,50 @@ impl Table {
         self.rows = self.own;
     }
 
+    /// Reads a column, its parts along the plane last.
+    pub fn read(&self, column: usize, out: &mut [f64]) {
+        let (own, along) = out.split_at_mut(out.len() - PROJECTED);
+        let read = |rows: &mut [f64], first: usize| {
+            let of_column = self.values[first * self.stride + column..].iter().step_by(self.stride);
+            rows.iter_mut().zip(of_column).for_each(|(out, x)| *out = *x);
+        };
+        read(own, 0);
+        read(along, self.own);
+    }
+
+    /// Leaves out all columns but the first ones.
+    pub fn keep_first(&mut self, columns: usize) {
+        self.columns = self.columns.min(columns);
+    }
+
+    /// How many numbers a row has: those of all columns, and up to a multiple of [`LANES`].
+    pub fn width(&self) -> usize {
+        self.stride
+    }
+
+    /// A column's parts along the plane's parameters.
+    pub fn along(&self, column: usize) -> Vector3<f64> {
+        Vector3::from_fn(|k, _| self.values[(self.own + k) * self.stride + column])
+    }
+
+    /// Adds `plane · row` to the parts along the plane of all columns.
+    pub fn add_along(&mut self, row: usize, plane: &[f64; PROJECTED]) {
+        let (own, along) = self.values.split_at_mut(self.own * self.stride);
+        add_three(&own[row * self.stride..(row + 1) * self.stride], plane, along);
+    }
+
+    /// Transforms the parts along the plane of all columns.
+    pub fn transform_along(&mut self, by: &Matrix3<f64>) {
+        let along = &mut self.values[self.own * self.stride..];
+        let (a, rest) = along.split_at_mut(self.stride);
+        let (b, rest) = rest.split_at_mut(self.stride);
+        let c = &mut rest[..self.stride];
+        for ((a, b), c) in a.iter_mut().zip(b).zip(c) {
+            let v = by * Vector3::new(*a, *b, *c);
+            (*a, *b, *c) = (v.x, v.y, v.z);
+        }
+    }
+
     /// A row, to be written.
     pub fn row_mut(&mut self, row: usize) -> &mut [f64] {
         &mut self.values[row * self.stride..(row + 1) * self.stride]
@@ -72,6 +117,19 @@ impl Table {
         for k in 0..PROJECTED {
             self.values[(self.own + k) * self.stride + column] = weight * vector[rows + k];
         }
+    }
+}
+
+/// Adds a row times each of three numbers to three rows.
+#[multiversion(targets("x86_64+avx512f", "x86_64+avx2"))]
+fn add_three(row: &[f64], by: &[f64; PROJECTED], to: &mut [f64]) {
+    let (a, rest) = to.split_at_mut(row.len());
+    let (b, rest) = rest.split_at_mut(row.len());
+    let c = &mut rest[..row.len()];
+    for i in 0..row.len() {
+        a[i] += by[0] * row[i];
+        b[i] += by[1] * row[i];
+        c[i] += by[2] * row[i];
     }
 }
 

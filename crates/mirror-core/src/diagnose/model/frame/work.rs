@@ -433,9 +433,9 @@ impl FrameWork {
         self.foot + self.plane_inverse_factor.tr_mul(&self.projected_residual())
     }
 
-    /// How the best foot point moves with a column's parameter: `−L⁻ᵀ (L⁻¹Dᵀx)`.
-    pub fn foot_by(&self, column: &[f64]) -> Vector3<f64> {
-        -self.plane_inverse_factor.tr_mul(&Vector3::from_column_slice(&column[self.row_count..]))
+    /// How the best foot point moves with a column's parameter, by the column's parts along the plane: `−L⁻ᵀ (L⁻¹Dᵀx)`.
+    pub fn foot_by(&self, along: &Vector3<f64>) -> Vector3<f64> {
+        -self.plane_inverse_factor.tr_mul(along)
     }
 
     /// Whether the mirror's plane was found in the frame that was evaluated.

@@ -1,0 +1,265 @@
+//! Many columns of a frame at once, row by row, into its table.
+//!
+//! An elementary change of the body moves a target by a twist `(ω, s)`, and a row with the derivative b by the target's
+//! position p grows by `b·(ω × p + s) = (p × b)·ω + b·s`: six numbers of the row times six of the column. With the
+//! columns side by side these are sums of six rows, which vector registers add. Columns of the optics are copied; the
+//! few others (free forms, pictures, joints that others follow) are computed by [`FrameWork::column_in`], one by one.
+
+use super::columns::{board_motion, motion, optics_column};
+use super::condensed::MOTION;
+use super::products::{PROJECTED, Table};
+use super::rows::Rows;
+use super::work::FrameWork;
+use crate::diagnose::model::body::NodeId;
+use crate::diagnose::model::deformation::Deformation;
+use crate::diagnose::model::elementary::{Atom, Twist, body_twist, followers};
+use crate::diagnose::model::problem::Problem;
+use multiversion::multiversion;
+use nalgebra::Vector3;
+
+/// A column that acts in a frame.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Acting {
+    pub atom: Atom,
+    /// Which of the atoms of the whole pass it is: each index is always of the same atom. Columns of one atom are neighbours.
+    pub index: usize,
+    /// Its place in the table.
+    pub at: usize,
+    pub weight: f64,
+}
+
+/// What the signs of columns depend on: the target of a row and its observer.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+struct Target {
+    node: Option<NodeId>,
+    observer: Option<NodeId>,
+    marker: Option<usize>,
+    measured: bool,
+}
+
+impl Target {
+    fn of(row: &Rows) -> Self {
+        Self { node: row.node, observer: row.observer, marker: row.marker, measured: row.measured }
+    }
+
+    /// How an atom with a twist moves it against its observer: 1, −1, or not at all.
+    fn sign(&self, problem: &Problem, atom: Atom) -> f64 {
+        let sign = match atom {
+            Atom::BoardMount(_) => board_motion(problem, self.marker.is_none(), self.measured),
+            Atom::BoardSlip(_) => self.marker.is_none().then_some(1.0),
+            Atom::MarkerShift(m, _) => (self.marker == Some(m)).then_some(1.0),
+            _ => motion(problem, self.node, self.observer, atom),
+        };
+        sign.unwrap_or(0.0)
+    }
+}
+
+/// Reusable memory for the columns of one pass over the frames: always for the same atoms.
+#[derive(Debug, Default)]
+pub(crate) struct ManyColumns {
+    /// Six rows as wide as the table: the columns' twists times their weights.
+    twists: Vec<f64>,
+    /// For each target that was met, the sign of each atom that was met with it; NaN of the others.
+    signs: Vec<(Target, Vec<f64>)>,
+    /// The signs of the columns for one target.
+    of_columns: Vec<f64>,
+    vector: Vec<f64>,
+    /// Which of the acting columns are twists.
+    moving: Vec<usize>,
+}
+
+impl ManyColumns {
+    /// Writes the columns that act in the frame that was evaluated; the table is clear, and wide enough.
+    pub fn write(
+        &mut self,
+        work: &FrameWork,
+        (problem, deformation): (&Problem, &Deformation),
+        columns: &[Acting],
+        table: &mut Table,
+    ) {
+        self.find_twists(work, (problem, deformation), columns, table.width());
+        self.write_moving(work, problem, columns, table);
+        self.write_optics(work, columns, table);
+        project(work, table);
+        // These come with their own parts along the plane.
+        for column in columns.iter().filter(|c| is_single(problem, c.atom)) {
+            self.vector.resize(work.row_count + PROJECTED, 0.0);
+            let span = work.column_in(problem, deformation, work.frame, column.atom, &mut self.vector);
+            if let Some(span) = span {
+                table.write(column.at, &self.vector, span, column.weight);
+            }
+        }
+    }
+
+    fn find_twists(
+        &mut self,
+        work: &FrameWork,
+        (problem, deformation): (&Problem, &Deformation),
+        columns: &[Acting],
+        width: usize,
+    ) {
+        self.moving.clear();
+        self.twists.clear();
+        self.twists.resize(MOTION * width, 0.0);
+        let mut last: Option<(usize, Option<Twist>)> = None;
+        for (i, column) in columns.iter().enumerate() {
+            let known = last.filter(|(index, _)| *index == column.index);
+            let twist = match known {
+                Some((_, twist)) => twist,
+                None if is_single(problem, column.atom) => None,
+                None => twist_of(work, problem, deformation, column.atom),
+            };
+            last = Some((column.index, twist));
+            let Some(twist) = twist else { continue };
+            self.moving.push(i);
+            for k in 0..3 {
+                self.twists[k * width + column.at] = column.weight * twist.omega[k];
+                self.twists[(3 + k) * width + column.at] = column.weight * twist.shift[k];
+            }
+        }
+    }
+
+    fn write_moving(&mut self, work: &FrameWork, problem: &Problem, columns: &[Acting], table: &mut Table) {
+        let condensed = &work.condensed;
+        let mut at = 0;
+        if condensed.used {
+            if let Some(board) = problem.board_in(work.frame) {
+                let observer = problem.camera_site.and_then(|s| s.node);
+                let target = Target { node: board.node, observer, marker: None, measured: false };
+                if self.find_signs(problem, columns, target, table.width()) {
+                    for row in 0..condensed.of_motion {
+                        add_twists(
+                            &self.twists,
+                            &self.of_columns,
+                            &condensed.by_world_twist(row),
+                            table.row_mut(row),
+                        );
+                    }
+                }
+            }
+            at = condensed.rank;
+        }
+        for rows in work.rows[condensed.corners..].chunk_by(|_, next| next.continues) {
+            let moves = self.find_signs(problem, columns, Target::of(&rows[0]), table.width());
+            for row in rows {
+                for k in 0..row.count {
+                    if moves {
+                        let by: Vector3<f64> = row.by_world.row(k).transpose();
+                        let turn = row.point.cross(&by);
+                        let by = [turn.x, turn.y, turn.z, by.x, by.y, by.z];
+                        add_twists(&self.twists, &self.of_columns, &by, table.row_mut(at + k));
+                    }
+                }
+                at += row.count;
+            }
+        }
+    }
+
+    /// The signs of all columns for a target; false where none moves it.
+    fn find_signs(&mut self, problem: &Problem, columns: &[Acting], target: Target, width: usize) -> bool {
+        let known = self.signs.iter().position(|(of, _)| *of == target).unwrap_or_else(|| {
+            self.signs.push((target, Vec::new()));
+            self.signs.len() - 1
+        });
+        let signs = &mut self.signs[known].1;
+        self.of_columns.clear();
+        self.of_columns.resize(width, 0.0);
+        let mut any = false;
+        for &i in &self.moving {
+            let column = &columns[i];
+            if signs.len() <= column.index {
+                signs.resize(column.index + 1, f64::NAN);
+            }
+            let sign = &mut signs[column.index];
+            if sign.is_nan() {
+                *sign = target.sign(problem, column.atom);
+            }
+            self.of_columns[column.at] = *sign;
+            any |= *sign != 0.0;
+        }
+        any
+    }
+
+    fn write_optics(&mut self, work: &FrameWork, columns: &[Acting], table: &mut Table) {
+        let condensed = &work.condensed;
+        for column in columns {
+            let Some(k) = optics_column(column.atom) else { continue };
+            let mut at = 0;
+            if condensed.used {
+                at = condensed.rank;
+                if condensed.has_optics {
+                    self.vector.resize(at, 0.0);
+                    let end = condensed.by_optics(k, &mut self.vector[..at]);
+                    for row in 0..end {
+                        table.row_mut(row)[column.at] = column.weight * self.vector[row];
+                    }
+                }
+            }
+            for row in &work.rows[condensed.corners..] {
+                let optics = row.optics.filter(|_| !row.measured).and_then(|o| work.optics.get(o));
+                if let Some(optics) = optics {
+                    table.row_mut(at)[column.at] = column.weight * optics[(0, k)];
+                    table.row_mut(at + 1)[column.at] = column.weight * optics[(1, k)];
+                }
+                at += row.count;
+            }
+        }
+    }
+}
+
+/// Whether a column is computed by itself: neither one twist nor of the optics.
+fn is_single(problem: &Problem, atom: Atom) -> bool {
+    match atom {
+        Atom::MarkerImage(..) | Atom::FreeOptics(_) | Atom::FramePose(_) => true,
+        _ => !followers(atom, &problem.scene).is_empty(),
+    }
+}
+
+fn twist_of(work: &FrameWork, problem: &Problem, deformation: &Deformation, atom: Atom) -> Option<Twist> {
+    match atom {
+        Atom::BoardMount(_) | Atom::BoardSlip(_) => work.board_twist(problem, deformation, atom),
+        Atom::MarkerShift(m, k) => {
+            let mount = work.poses.site(&problem.marker_mounts[m]).r;
+            Some(Twist::along(mount.column(k).into_owned()))
+        }
+        _ => body_twist(atom, &problem.scene, &work.poses, deformation, work.frame),
+    }
+}
+
+/// The parts of all columns along the plane's parameters, `L⁻¹Dᵀx`.
+fn project(work: &FrameWork, table: &mut Table) {
+    if !work.has_plane {
+        return;
+    }
+    let condensed = &work.condensed;
+    let mut at = 0;
+    if condensed.used {
+        for row in 0..condensed.rank {
+            table.add_along(row, &condensed.plane_of_row(row));
+        }
+        at = condensed.rank;
+    }
+    for row in &work.rows[condensed.corners..] {
+        for k in 0..row.count {
+            table.add_along(at + k, &[row.plane[(k, 0)], row.plane[(k, 1)], row.plane[(k, 2)]]);
+        }
+        at += row.count;
+    }
+    table.transform_along(&work.plane_inverse_factor);
+}
+
+/// Writes a row of all columns, `signs · (twistsᵀ by)`.
+#[multiversion(targets("x86_64+avx512f", "x86_64+avx2"))]
+fn add_twists(twists: &[f64], signs: &[f64], by: &[f64; MOTION], out: &mut [f64]) {
+    let width = out.len();
+    let (a, rest) = twists.split_at(width);
+    let (b, rest) = rest.split_at(width);
+    let (c, rest) = rest.split_at(width);
+    let (d, rest) = rest.split_at(width);
+    let (e, f) = rest.split_at(width);
+    let (signs, f) = (&signs[..width], &f[..width]);
+    for i in 0..width {
+        let turn = by[0] * a[i] + by[1] * b[i] + by[2] * c[i];
+        out[i] = signs[i] * (turn + (by[3] * d[i] + by[4] * e[i] + by[5] * f[i]));
+    }
+}
