@@ -318,11 +318,11 @@ impl Scratch {
     ) {
         self.acting.clear();
         self.which.clear();
-        for (index, (atom, indices)) in by_atom.iter().enumerate() {
+        for (atom, indices) in by_atom {
             for &at in indices {
                 let weight = columns[at].weight.at(&problem.scene, frame);
                 if weight != 0.0 {
-                    self.acting.push(Acting { atom: *atom, index, at, weight });
+                    self.acting.push(Acting { atom: *atom, at, weight });
                     self.which.push(at);
                 }
             }

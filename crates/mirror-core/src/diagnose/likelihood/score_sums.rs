@@ -171,8 +171,7 @@ impl Candidates {
                 None => atoms.push((atom, indices)),
             }
         }
-        let acting =
-            |(index, of): (usize, &(Atom, Vec<usize>))| Acting { atom: of.0, index, at: index, weight: 1.0 };
+        let acting = |(at, of): (usize, &(Atom, Vec<usize>))| Acting { atom: of.0, at, weight: 1.0 };
         let what = Screened {
             active,
             every_atom: atoms.iter().enumerate().map(acting).collect(),

@@ -28,7 +28,7 @@ fn difference(problem: &Problem, deformation: &Deformation, condensed: bool) -> 
     let mut acting = Vec::new();
     for (index, &atom) in all.iter().enumerate() {
         for weight in [0.7, -1.3].into_iter().take(if index % 3 == 0 { 1 } else { 2 }) {
-            acting.push(Acting { atom, index, at: acting.len(), weight });
+            acting.push(Acting { atom, at: acting.len(), weight });
         }
     }
     let (mut table, mut columns) = (Table::default(), ManyColumns::default());

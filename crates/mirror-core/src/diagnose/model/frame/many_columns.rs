@@ -20,9 +20,8 @@ use nalgebra::Vector3;
 /// A column that acts in a frame.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Acting {
+    /// Columns of one atom are neighbours.
     pub atom: Atom,
-    /// Which of the atoms of the whole pass it is: each index is always of the same atom. Columns of one atom are neighbours.
-    pub index: usize,
     /// Its place in the table.
     pub at: usize,
     pub weight: f64,
@@ -54,18 +53,28 @@ impl Target {
     }
 }
 
-/// Reusable memory for the columns of one pass over the frames: always for the same atoms.
+/// How each column moves a target.
+#[derive(Debug)]
+struct Signs {
+    of: Target,
+    /// By the columns' places in the table.
+    by_place: Vec<f64>,
+    /// Whether any does.
+    any: bool,
+}
+
+/// Reusable memory.
 #[derive(Debug, Default)]
 pub(crate) struct ManyColumns {
-    /// Six rows as wide as the table: the columns' twists times their weights.
+    /// The columns that are twists, by their atoms and places in a table so wide; and those of the frame before.
+    moving: Vec<(Atom, usize)>,
+    before: Vec<(Atom, usize)>,
+    width: usize,
+    /// Six rows as wide as the table: their twists times their weights.
     twists: Vec<f64>,
-    /// For each target that was met, the sign of each atom that was met with it; NaN of the others.
-    signs: Vec<(Target, Vec<f64>)>,
-    /// The signs of the columns for one target.
-    of_columns: Vec<f64>,
+    /// Their signs for each target that was met since they changed.
+    signs: Vec<Signs>,
     vector: Vec<f64>,
-    /// Which of the acting columns are twists.
-    moving: Vec<usize>,
 }
 
 impl ManyColumns {
@@ -78,7 +87,7 @@ impl ManyColumns {
         table: &mut Table,
     ) {
         self.find_twists(work, (problem, deformation), columns, table.width());
-        self.write_moving(work, problem, columns, table);
+        self.write_moving(work, problem, table);
         self.write_optics(work, columns, table);
         project(work, table);
         // These come with their own parts along the plane.
@@ -98,86 +107,73 @@ impl ManyColumns {
         columns: &[Acting],
         width: usize,
     ) {
+        core::mem::swap(&mut self.moving, &mut self.before);
         self.moving.clear();
         self.twists.clear();
         self.twists.resize(MOTION * width, 0.0);
-        let mut last: Option<(usize, Option<Twist>)> = None;
-        for (i, column) in columns.iter().enumerate() {
-            let known = last.filter(|(index, _)| *index == column.index);
-            let twist = match known {
-                Some((_, twist)) => twist,
-                None if is_single(problem, column.atom) => None,
-                None => twist_of(work, problem, deformation, column.atom),
-            };
-            last = Some((column.index, twist));
-            let Some(twist) = twist else { continue };
-            self.moving.push(i);
-            for k in 0..3 {
-                self.twists[k * width + column.at] = column.weight * twist.omega[k];
-                self.twists[(3 + k) * width + column.at] = column.weight * twist.shift[k];
+        for of_atom in columns.chunk_by(|one, next| one.atom == next.atom) {
+            let atom = of_atom[0].atom;
+            if is_single(problem, atom) {
+                continue;
+            }
+            let Some(twist) = twist_of(work, problem, deformation, atom) else { continue };
+            for column in of_atom {
+                self.moving.push((atom, column.at));
+                for k in 0..3 {
+                    self.twists[k * width + column.at] = column.weight * twist.omega[k];
+                    self.twists[(3 + k) * width + column.at] = column.weight * twist.shift[k];
+                }
             }
         }
+        if self.width != width || self.moving != self.before {
+            self.signs.clear();
+        }
+        self.width = width;
     }
 
-    fn write_moving(&mut self, work: &FrameWork, problem: &Problem, columns: &[Acting], table: &mut Table) {
+    fn write_moving(&mut self, work: &FrameWork, problem: &Problem, table: &mut Table) {
         let condensed = &work.condensed;
         let mut at = 0;
         if condensed.used {
             if let Some(board) = problem.board_in(work.frame) {
                 let observer = problem.camera_site.and_then(|s| s.node);
                 let target = Target { node: board.node, observer, marker: None, measured: false };
-                if self.find_signs(problem, columns, target, table.width()) {
+                if let Some(signs) = self.find_signs(problem, target) {
                     for row in 0..condensed.of_motion {
-                        add_twists(
-                            &self.twists,
-                            &self.of_columns,
-                            &condensed.by_world_twist(row),
-                            table.row_mut(row),
-                        );
+                        let by = condensed.by_world_twist(row);
+                        write_row(&self.twists, &self.signs[signs].by_place, &by, table.row_mut(row));
                     }
                 }
             }
             at = condensed.rank;
         }
         for rows in work.rows[condensed.corners..].chunk_by(|_, next| next.continues) {
-            let moves = self.find_signs(problem, columns, Target::of(&rows[0]), table.width());
+            let Some(signs) = self.find_signs(problem, Target::of(&rows[0])) else {
+                at += rows.iter().map(|row| row.count).sum::<usize>();
+                continue;
+            };
             for row in rows {
                 for k in 0..row.count {
-                    if moves {
-                        let by: Vector3<f64> = row.by_world.row(k).transpose();
-                        let turn = row.point.cross(&by);
-                        let by = [turn.x, turn.y, turn.z, by.x, by.y, by.z];
-                        add_twists(&self.twists, &self.of_columns, &by, table.row_mut(at + k));
-                    }
+                    let by: Vector3<f64> = row.by_world.row(k).transpose();
+                    let turn = row.point.cross(&by);
+                    let by = [turn.x, turn.y, turn.z, by.x, by.y, by.z];
+                    write_row(&self.twists, &self.signs[signs].by_place, &by, table.row_mut(at + k));
                 }
                 at += row.count;
             }
         }
     }
 
-    /// The signs of all columns for a target; false where none moves it.
-    fn find_signs(&mut self, problem: &Problem, columns: &[Acting], target: Target, width: usize) -> bool {
-        let known = self.signs.iter().position(|(of, _)| *of == target).unwrap_or_else(|| {
-            self.signs.push((target, Vec::new()));
+    /// Which of the signs are those for a target; none where no column moves it.
+    fn find_signs(&mut self, problem: &Problem, target: Target) -> Option<usize> {
+        let known = self.signs.iter().position(|signs| signs.of == target).unwrap_or_else(|| {
+            let mut by_place = vec![0.0; self.width];
+            self.moving.iter().for_each(|(atom, at)| by_place[*at] = target.sign(problem, *atom));
+            let any = by_place.iter().any(|sign| *sign != 0.0);
+            self.signs.push(Signs { of: target, by_place, any });
             self.signs.len() - 1
         });
-        let signs = &mut self.signs[known].1;
-        self.of_columns.clear();
-        self.of_columns.resize(width, 0.0);
-        let mut any = false;
-        for &i in &self.moving {
-            let column = &columns[i];
-            if signs.len() <= column.index {
-                signs.resize(column.index + 1, f64::NAN);
-            }
-            let sign = &mut signs[column.index];
-            if sign.is_nan() {
-                *sign = target.sign(problem, column.atom);
-            }
-            self.of_columns[column.at] = *sign;
-            any |= *sign != 0.0;
-        }
-        any
+        self.signs[known].any.then_some(known)
     }
 
     fn write_optics(&mut self, work: &FrameWork, columns: &[Acting], table: &mut Table) {
@@ -250,7 +246,7 @@ fn project(work: &FrameWork, table: &mut Table) {
 
 /// Writes a row of all columns, `signs · (twistsᵀ by)`.
 #[multiversion(targets("x86_64+avx512f", "x86_64+avx2"))]
-fn add_twists(twists: &[f64], signs: &[f64], by: &[f64; MOTION], out: &mut [f64]) {
+fn write_row(twists: &[f64], signs: &[f64], by: &[f64; MOTION], out: &mut [f64]) {
     let width = out.len();
     let (a, rest) = twists.split_at(width);
     let (b, rest) = rest.split_at(width);
