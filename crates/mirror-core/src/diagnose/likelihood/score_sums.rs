@@ -334,9 +334,8 @@ impl Scratch {
                 }
                 let products = &self.atom_active[a * stride..a * stride + count + 1];
                 sums.g[i] += w * products[count];
-                for (b, product) in sums.b.column_mut(i).iter_mut().zip(products) {
-                    *b += w * product;
-                }
+                let column = &mut sums.b.as_mut_slice()[i * count..(i + 1) * count];
+                column.iter_mut().zip(products).for_each(|(b, product)| *b += w * product);
                 for j in i..columns.len() {
                     sums.a[(i, j)] +=
                         w * weights[j] * self.pair_products[candidate.products[i * columns.len() + j]];

@@ -187,7 +187,7 @@ impl<'a> LinearSearch<'a> {
         let count = self.parts.first().map_or(0, |b| b.1.len());
         let (mut m, mut b) = (DMatrix::identity(count, count), DVector::zeros(count));
         for ((h, g), weight) in self.parts.iter().zip(weights).filter(|(_, w)| **w > 0.0) {
-            m.zip_apply(h, |a, x| *a += weight * x);
+            m.as_mut_slice().iter_mut().zip(h.as_slice()).for_each(|(a, x)| *a += weight * x);
             b.axpy(*weight, g, 1.0);
         }
         (m, b)

@@ -307,9 +307,8 @@ impl Tolerant {
     /// # Errors
     /// Invalid parameters of camera or mirror.
     pub fn log_evidence(&mut self, noise: Noise) -> Result<f64> {
-        let fit = self.fit(noise, STEPS)?;
+        let fit = self.fit(noise, STEPS + 1)?;
         self.model = fit.model;
-        let fit = self.fit(noise, 1)?;
         Ok(fit.log_evidence)
     }
 
