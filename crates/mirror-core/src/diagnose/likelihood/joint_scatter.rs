@@ -15,13 +15,14 @@
 //!
 //! Sources: Laird and Ware (1982) for the random effects; Liang and Zeger (1986) for the variance of scores.
 
+use crate::diagnose::likelihood::constant_columns::ConstantColumns;
 use crate::diagnose::likelihood::noise::{SETTLED, effective};
-use crate::diagnose::likelihood::normal_equations::{changes_sight, counts, inner};
+use crate::diagnose::likelihood::normal_equations::{changes_sight, counts};
 use crate::diagnose::likelihood::saturated::postures;
 use crate::diagnose::model::body::NodeId;
 use crate::diagnose::model::deformation::Deformation;
 use crate::diagnose::model::elementary::{Atom, Column};
-use crate::diagnose::model::frame::{FrameWork, PROJECTED, Task};
+use crate::diagnose::model::frame::{FrameWork, Task};
 use crate::diagnose::model::problem::{Noise, Problem};
 use crate::diagnose::principles::{Grid, Size};
 use crate::error::Result;
@@ -249,36 +250,21 @@ fn sums(
     let columns: Vec<Column> = joints.iter().map(|&n| Column::constant(Atom::Joint(n))).collect();
     let residuals = Task::of_residuals(problem, model, eye.as_ref(), noise);
     let with_board = residuals.with_board || changes_sight(problem, &columns);
-    let task = Task { gaussian: false, with_board, ..residuals };
-    let count = joints.len();
-    let of_posture = |work: &mut FrameWork, frames: &Vec<usize>| {
-        let mut of = OfPosture { h: DMatrix::zeros(count, count), g: DVector::zeros(count), cost: 0.0 };
-        let mut vectors: Vec<Vec<f64>> = vec![Vec::new(); count];
+    let task = Task { gaussian: false, with_board, condensed: true, ..residuals };
+    let start = || (FrameWork::new(problem), ConstantColumns::of(columns.iter().map(|c| c.atom)));
+    let of_posture = |(work, sums): &mut (FrameWork, ConstantColumns), frames: &Vec<usize>| {
+        let mut cost = 0.0;
+        sums.clear();
         for &frame in frames {
             let seen = work.evaluate(problem, &task, frame);
-            of.cost += work.cost;
-            if !seen {
-                continue;
-            }
-            let mut moves = vec![false; count];
-            for (i, &node) in joints.iter().enumerate() {
-                vectors[i].resize(work.row_count + PROJECTED, 0.0);
-                moves[i] = work.column(problem, model, frame, Atom::Joint(node), &mut vectors[i]);
-            }
-            for i in (0..count).filter(|&i| moves[i]) {
-                of.g[i] += inner(&vectors[i], &work.residual);
-                for j in (0..=i).filter(|&j| moves[j]) {
-                    let product = inner(&vectors[i], &vectors[j]);
-                    of.h[(i, j)] += product;
-                    if i != j {
-                        of.h[(j, i)] += product;
-                    }
-                }
+            cost += work.cost;
+            if seen {
+                sums.add(work, problem, model);
             }
         }
-        of
+        OfPosture { h: sums.information(), g: sums.gradient(), cost }
     };
-    let sums = groups.par_iter().map_init(|| FrameWork::new(problem), of_posture).collect();
+    let sums = groups.par_iter().map_init(start, of_posture).collect();
     problem.cancel.check()?;
     Ok(sums)
 }

@@ -1,5 +1,6 @@
 //! The noise, the normal equations, the fit of a model with its evidence, the score test of single hypotheses.
 
+mod constant_columns;
 pub(super) mod covariance;
 pub(super) mod fit;
 pub(super) mod joint_scatter;

@@ -57,22 +57,12 @@ fn dot(x: &[f64], y: &[f64]) -> f64 {
 }
 
 /// `x·y` of two vectors of a frame: their rows, less their parts along the plane's three parameters.
-#[inline]
+#[inline(always)]
 pub(crate) fn inner(x: &[f64], y: &[f64]) -> f64 {
     let rows = x.len() - PROJECTED;
     let along = dot(&x[..rows], &y[..rows]);
     let plane: f64 = x[rows..].iter().zip(&y[rows..]).map(|(a, b)| a * b).sum();
     along - plane
-}
-
-/// The same where the rows outside a span are 0 in one of them.
-#[inline]
-pub(crate) fn inner_in(x: &[f64], y: &[f64], span: Span) -> f64 {
-    let rows = x.len() - PROJECTED;
-    let products = |range: core::ops::Range<usize>| -> f64 {
-        x[range.clone()].iter().zip(&y[range]).map(|(a, b)| a * b).sum()
-    };
-    products(span.start..span.end) - products(rows..rows + PROJECTED)
 }
 
 /// Whether any column moves how the board's corners are seen; without a board, whether any is of the camera, by which

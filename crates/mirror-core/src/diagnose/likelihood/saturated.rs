@@ -5,10 +5,11 @@
 //! on is the measurement's noise (and the optics). So noise and gap are separated without knowing any cause.
 
 use crate::diagnose::data::recording::Via;
-use crate::diagnose::likelihood::normal_equations::{counts, inner_in};
+use crate::diagnose::likelihood::constant_columns::ConstantColumns;
+use crate::diagnose::likelihood::normal_equations::counts;
 use crate::diagnose::model::deformation::Deformation;
 use crate::diagnose::model::elementary::Atom;
-use crate::diagnose::model::frame::{FrameWork, PROJECTED, Span, Task};
+use crate::diagnose::model::frame::{FrameWork, Task};
 use crate::diagnose::model::problem::{Noise, Observation, Problem};
 use crate::diagnose::principles::{Guard, Prior};
 use crate::error::Result;
@@ -81,50 +82,36 @@ pub(crate) fn free_markers(
     Ok(postures(problem)
         .into_par_iter()
         .map_init(
-            || FrameWork::new(problem),
-            |work, frames| {
+            || (FrameWork::new(problem), ConstantColumns::of(shifts(problem))),
+            |(work, sums), frames| {
                 let frames: Vec<usize> = frames.into_iter().filter(|&f| counts(mask, f)).collect();
-                free_posture(problem, &task, frames, work)
+                free_posture(problem, &task, frames, (work, sums))
             },
         )
         .filter(|p| !p.markers.is_empty())
         .collect())
 }
 
-fn free_posture(problem: &Problem, task: &Task<'_>, frames: Vec<usize>, work: &mut FrameWork) -> FreePosture {
+/// Displacements of all markers.
+fn shifts(problem: &Problem) -> impl Iterator<Item = Atom> {
+    (0..problem.marker_sites.len()).flat_map(|m| (0..3).map(move |k| Atom::MarkerShift(m, k)))
+}
+
+fn free_posture(
+    problem: &Problem,
+    task: &Task<'_>,
+    frames: Vec<usize>,
+    (work, sums): (&mut FrameWork, &mut ConstantColumns),
+) -> FreePosture {
     let markers = problem.marker_sites.len();
-    let mut h = DMatrix::<f64>::zeros(3 * markers, 3 * markers);
-    let mut g = DVector::<f64>::zeros(3 * markers);
-    let mut views = vec![0; markers];
     let (mut chi2, mut rows) = (0.0, 0);
     let (mut pixel_square_sum, mut pixel_count) = (0.0, 0);
-    let mut buffer = Vec::new();
+    sums.clear();
     for &frame in &frames {
         if !work.evaluate(problem, task, frame) {
             continue;
         }
-        let stride = work.row_count + PROJECTED;
-        buffer.resize(stride * 3 * markers, 0.0);
-        let mut spans: Vec<Option<Span>> = vec![None; 3 * markers];
-        for m in 0..markers {
-            for k in 0..3 {
-                let i = 3 * m + k;
-                let out = &mut buffer[i * stride..(i + 1) * stride];
-                spans[i] = work.column_in(problem, task.deformation, frame, Atom::MarkerShift(m, k), out);
-            }
-            if spans[3 * m].is_some() {
-                views[m] += 1;
-            }
-        }
-        let column = |i: usize| spans[i].map(|span| (&buffer[i * stride..(i + 1) * stride], span));
-        for i in 0..3 * markers {
-            let Some((x, span)) = column(i) else { continue };
-            g[i] += inner_in(x, &work.residual, span);
-            for j in i..3 * markers {
-                let Some((y, other)) = column(j) else { continue };
-                h[(i, j)] += inner_in(x, y, span.common(other));
-            }
-        }
+        sums.add(work, problem, task.deformation);
         let marker_rows: usize = problem.frames[frame]
             .others
             .iter()
@@ -146,7 +133,7 @@ fn free_posture(problem: &Problem, task: &Task<'_>, frames: Vec<usize>, work: &m
             }
         });
     }
-    h.fill_lower_triangle_with_upper_triangle();
+    let (h, g) = (sums.information(), sums.gradient());
     let mut out = FreePosture {
         frames,
         markers: Vec::new(),
@@ -157,7 +144,7 @@ fn free_posture(problem: &Problem, task: &Task<'_>, frames: Vec<usize>, work: &m
         pixel_square_sum,
         pixel_count,
     };
-    let seen: Vec<usize> = (0..markers).filter(|&m| views[m] > 0).collect();
+    let seen: Vec<usize> = (0..markers).filter(|&m| (3 * m..3 * m + 3).any(|i| h[(i, i)] > 0.0)).collect();
     let index: Vec<usize> = seen.iter().flat_map(|m| [3 * m, 3 * m + 1, 3 * m + 2]).collect();
     let n = index.len();
     let prior = FREE_STD.powi(-2);

@@ -16,6 +16,7 @@ use crate::diagnose::model::frame::{
 };
 use crate::diagnose::model::problem::{Noise, Problem};
 use crate::error::Result;
+use multiversion::multiversion;
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 use std::collections::HashMap;
@@ -319,9 +320,9 @@ impl Scratch {
         self.atom_active.resize(what.candidate_atoms * stride, 0.0);
         self.atoms.keep_first(what.candidate_atoms);
         add_products(&self.atoms, &self.active, false, &mut self.atom_active);
-        let atom = |a: usize| &self.by_atom[a * length..(a + 1) * length];
         self.pair_products.clear();
-        self.pair_products.extend(what.pairs.iter().map(|&(a, b)| inner(atom(a), atom(b))));
+        self.pair_products.resize(what.pairs.len(), 0.0);
+        products_of_pairs(&self.by_atom, length, what.pairs, &mut self.pair_products);
         let mut weights = Vec::new();
         for (candidate, sums) in what.candidates.iter().zip(&mut out.sums) {
             let columns = &candidate.columns;
@@ -334,8 +335,7 @@ impl Scratch {
                 }
                 let products = &self.atom_active[a * stride..a * stride + count + 1];
                 sums.g[i] += w * products[count];
-                let column = &mut sums.b.as_mut_slice()[i * count..(i + 1) * count];
-                column.iter_mut().zip(products).for_each(|(b, product)| *b += w * product);
+                add_times(&mut sums.b.as_mut_slice()[i * count..(i + 1) * count], w, &products[..count]);
                 for j in i..columns.len() {
                     sums.a[(i, j)] +=
                         w * weights[j] * self.pair_products[candidate.products[i * columns.len() + j]];
@@ -343,4 +343,17 @@ impl Scratch {
             }
         }
     }
+}
+
+/// The products of some pairs of vectors that stand behind each other, so long each.
+#[multiversion(targets("x86_64+avx512f", "x86_64+avx2"))]
+fn products_of_pairs(vectors: &[f64], length: usize, pairs: &[(usize, usize)], out: &mut [f64]) {
+    let vector = |a: usize| &vectors[a * length..(a + 1) * length];
+    out.iter_mut().zip(pairs).for_each(|(out, &(a, b))| *out = inner(vector(a), vector(b)));
+}
+
+/// Adds a vector times a number.
+#[multiversion(targets("x86_64+avx512f", "x86_64+avx2"))]
+fn add_times(to: &mut [f64], by: f64, vector: &[f64]) {
+    to.iter_mut().zip(vector).for_each(|(to, x)| *to += by * x);
 }

@@ -18,14 +18,6 @@ pub(crate) struct Span {
     pub end: usize,
 }
 
-impl Span {
-    /// The rows of both; as many as none where they have none in common.
-    pub fn common(self, other: Self) -> Self {
-        let start = self.start.max(other.start);
-        Self { start, end: self.end.min(other.end).max(start) }
-    }
-}
-
 /// The columns of one frame, row by row. Their parts along the plane's three parameters are the last rows.
 #[derive(Debug, Default)]
 pub(crate) struct Table {
