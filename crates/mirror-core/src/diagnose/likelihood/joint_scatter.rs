@@ -148,6 +148,40 @@ impl JointScatter {
         Ok(Self { std_rad, noise, cost, widening })
     }
 
+    /// How much more likely than none a scatter of all joints can make a model, to first order, in log likelihood, and by
+    /// which factor the noise that the model leaves is above the measured one: `½ Σ (gᵀ (H + I/s²)⁻¹ g − log det(I + s² H))` at
+    /// the scale that the postures estimate.
+    ///
+    /// # Errors
+    /// Invalid parameters of the camera or mirror.
+    pub fn gain(
+        problem: &Problem,
+        model: &Deformation,
+        joints: &[NodeId],
+        measured: Noise,
+        mask: Option<&[bool]>,
+    ) -> Result<(f64, f64)> {
+        let noise = effective(problem, model, measured, mask)?;
+        let sums = sums(problem, model, &grouped(problem, mask), joints, noise)?;
+        let mut variance = START_RAD.powi(2);
+        let mut gain = 0.0;
+        for _ in 0..ROUNDS {
+            let (mut square, mut all) = (0.0, 0.0);
+            for of in &sums {
+                let scaled = &of.h * variance + DMatrix::identity(joints.len(), joints.len());
+                // Not positive only where numbers overflow: such a posture tells nothing.
+                let Some(factor) = scaled.cholesky() else { continue };
+                let error = factor.solve(&of.g) * variance;
+                square += error.norm_squared() + variance * factor.inverse().trace();
+                all +=
+                    0.5 * error.dot(&of.g) - factor.l_dirty().diagonal().iter().map(|x| x.ln()).sum::<f64>();
+            }
+            gain = all;
+            variance = square / (sums.len() * joints.len()).max(1) as f64;
+        }
+        Ok((gain, noise.marker_px / measured.marker_px))
+    }
+
     /// The joints that alone would scatter most likely around a model, best first, to first order: with one error e of
     /// variance s² in each posture the likelihood gains `½ Σ (g² / (h + s⁻²) − log(1 + h s²))`.
     ///

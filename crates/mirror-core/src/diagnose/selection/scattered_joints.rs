@@ -9,6 +9,7 @@
 use crate::diagnose::effects::hypothesis::{Catalogue, Model};
 use crate::diagnose::likelihood::fit::{Fit, FitOptions};
 use crate::diagnose::likelihood::joint_scatter::{JointScatter, Scatter, scattering_joints};
+use crate::diagnose::likelihood::noise::SETTLED;
 use crate::diagnose::likelihood::noise_scale::NoiseScale;
 use crate::diagnose::model::body::NodeId;
 use crate::diagnose::model::problem::Noise;
@@ -58,6 +59,15 @@ pub(crate) fn beside_scatter<'a>(
     // Measured points of one posture share the error of a measured pose: joints that scatter look like that.
     if search.problem.camera.is_none() || joints.is_empty() {
         return Ok(None);
+    }
+    // Where no scatter can be more likely, and no noise is above the measured one that it could reduce, it need not be fitted.
+    if start.extended.erratic.is_none() {
+        let deformation = search.deformation(&found.fit.model);
+        let (gain, noise) =
+            JointScatter::gain(&search.problem, &deformation, &joints, search.measured_noise, search.mask)?;
+        if noise * SETTLED <= 1.0 && SOLVER.most_hoped * gain + LOG_PRIOR_STRUCTURE < 0.0 {
+            return Ok(None);
+        }
     }
     let weighed = Weighed::new(search, found, &joints)?;
     let (here, beside) = weighed.with_scatter(search, &found.fit, &joints)?;
