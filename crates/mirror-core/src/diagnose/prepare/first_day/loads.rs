@@ -5,7 +5,7 @@
 //! others cannot.
 
 use super::mistake::Mistake;
-use super::single_cause::{Beside, Best, Likeliest, likeliest};
+use super::single_cause::{Alone, Beside, Best, Likeliest, likeliest};
 use super::verify::smaller;
 use crate::diagnose::effects::vocabulary;
 use crate::diagnose::model::problem::{Noise, Problem};
@@ -15,16 +15,19 @@ use core::f64::consts::{FRAC_PI_2, PI};
 use nalgebra::{Rotation3, Vector3};
 
 /// The rotation of gravity with which a single spring explains what no cause explains under the stated direction, with
-/// everything mounted as modelled, else with mounts and zeros free. `explained`: whether a single cause leaves no gap; then
-/// mounts have nothing to explain.
+/// everything mounted as modelled, else with mounts and zeros free. `alone`: the likeliest single cause, if the nominal model leaves
+/// a gap; `explained`: whether it leaves none, then mounts have nothing to explain.
 ///
 /// # Errors
 /// Invalid parameters of camera or mirror.
-pub(super) fn turned_gravity(problem: &Problem, explained: bool) -> Result<Option<(Mistake, f64)>> {
-    let exact = Beside::nothing(problem);
+pub(super) fn turned_gravity(
+    problem: &Problem,
+    alone: Option<Alone>,
+    explained: bool,
+) -> Result<Option<(Mistake, f64)>> {
     // Where nothing is to be explained mounts need not be fitted.
-    let Some(noise) = exact.gap(problem)? else { return Ok(None) };
-    if let Some(found) = turned_beside(problem, &exact, noise)? {
+    let Some(Alone { noise, likeliest: stated }) = alone else { return Ok(None) };
+    if let Some(found) = turned_beside(problem, &Beside::nothing(problem), stated, noise)? {
         return Ok(Some(found));
     }
     if explained {
@@ -32,13 +35,20 @@ pub(super) fn turned_gravity(problem: &Problem, explained: bool) -> Result<Optio
     }
     let mounts = Beside::mounts(problem)?;
     let Some(noise) = mounts.gap(problem)? else { return Ok(None) };
-    turned_beside(problem, &mounts, noise)
+    let stated = likeliest(problem.clone(), vocabulary(), &mounts, noise)?;
+    turned_beside(problem, &mounts, stated, noise)
 }
 
-fn turned_beside(problem: &Problem, beside: &Beside, noise: Noise) -> Result<Option<(Mistake, f64)>> {
+/// `stated`: the likeliest cause under the stated gravity.
+fn turned_beside(
+    problem: &Problem,
+    beside: &Beside,
+    stated: Option<Likeliest>,
+    noise: Noise,
+) -> Result<Option<(Mistake, f64)>> {
     let Some(down) = problem.scene.gravity.try_normalize(1e-9) else { return Ok(None) };
     let nominal = problem.nominal();
-    let Some(stated) = likeliest(problem.clone(), vocabulary(), beside, noise)? else { return Ok(None) };
+    let Some(stated) = stated else { return Ok(None) };
     let across = down.cross(&if down.x.abs() < 0.8 { Vector3::x() } else { Vector3::y() }).normalize();
     let other = down.cross(&across);
     let turns = [across * PI, across * FRAC_PI_2, across * -FRAC_PI_2, other * FRAC_PI_2, other * -FRAC_PI_2];

@@ -1,8 +1,11 @@
 //! What the diagnoses of one session share: results of earlier preparations, and the budget of work. After the same
 //! mistakes are undone the session is the same, and each stage gives the same result.
 
+use super::loads;
 use super::mistake::{Changes, Mistake};
 use super::outlying::False;
+use super::single_cause::{self, Alone};
+use crate::diagnose::model::problem::Problem;
 use crate::diagnose::model::work_budget::WorkBudget;
 use crate::error::Result;
 
@@ -33,7 +36,8 @@ type Found = Option<(Mistake, f64)>;
 /// Results of the stages that depend only on the session and on the mistakes undone before, and the work so far.
 #[derive(Default)]
 pub(crate) struct Memory {
-    /// Whether a single cause explains everything.
+    /// The likeliest single cause, and whether it explains everything.
+    pub(super) alone: Known<Option<Alone>>,
     pub(super) explained: Known<bool>,
     /// Whether a zero that changes once explains it better.
     pub(super) stepped: Known<bool>,
@@ -47,6 +51,29 @@ pub(crate) struct Memory {
 }
 
 impl Memory {
+    /// Whether a single cause explains everything once the mistakes found so far are undone.
+    ///
+    /// # Errors
+    /// Invalid parameters of camera or mirror.
+    pub(super) fn is_explained(&mut self, problem: &Problem, undone: &[Mistake]) -> Result<bool> {
+        let alone = self.alone.remembered(undone, || single_cause::alone(problem))?;
+        self.explained.remembered(undone, || single_cause::is_enough(problem, alone))
+    }
+
+    /// Gravity in another direction, beside the same.
+    ///
+    /// # Errors
+    /// Invalid parameters of camera or mirror.
+    pub(super) fn turned_gravity(
+        &mut self,
+        problem: &Problem,
+        undone: &[Mistake],
+        explained: bool,
+    ) -> Result<Found> {
+        let alone = self.alone.remembered(undone, || single_cause::alone(problem))?;
+        self.gravity.remembered(undone, || loads::turned_gravity(problem, alone, explained))
+    }
+
     /// The budget of the next diagnosis; `own`: that of a session's first.
     pub(crate) fn next_budget(&mut self, own: &WorkBudget) -> WorkBudget {
         let next = self.budget.as_ref().map_or_else(|| own.clone(), WorkBudget::again);

@@ -148,8 +148,7 @@ pub(crate) fn undone(
     }
     out.doubts = choice.doubts;
     // The errors of an unknown joint would look like springs.
-    let mut explained =
-        memory.explained.remembered(&out.mistakes, || single_cause::is_enough(&out.problem))?;
+    let mut explained = memory.is_explained(&out.problem, &out.mistakes)?;
     let late = |m: &Mistake| matches!(m, Mistake::Late { .. });
     // Rows that contain other rows' measurements are late by whole rows.
     if !explained
@@ -161,12 +160,11 @@ pub(crate) fn undone(
         && let Some((mistake, odds)) = small_delay::find(&out.problem, &out.recording)?
     {
         out.undo(&mistake, tempered(odds))?;
-        explained = memory.explained.remembered(&out.mistakes, || single_cause::is_enough(&out.problem))?;
+        explained = memory.is_explained(&out.problem, &out.mistakes)?;
     }
     if out.lost.is_none()
         && !without.iter().any(|w| w == "gravity_direction")
-        && let Some((mistake, odds)) =
-            memory.gravity.remembered(&out.mistakes, || loads::turned_gravity(&out.problem, explained))?
+        && let Some((mistake, odds)) = memory.turned_gravity(&out.problem, &out.mistakes, explained)?
     {
         out.undo(&mistake, tempered(odds))?;
     }

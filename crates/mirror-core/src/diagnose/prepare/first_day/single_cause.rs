@@ -19,15 +19,32 @@ use std::sync::Arc;
 /// Set free where the parts are mounted by hand: mounts alone leave no gap small enough to see a spring in.
 const MOUNTS: [&str; 4] = ["board_mount", "camera_mount", "marker_mount", "joint_offset"];
 
+/// What the nominal model leaves, and the single cause of the vocabulary that is likeliest to explain it.
+#[derive(Clone)]
+pub(super) struct Alone {
+    pub noise: Noise,
+    pub likeliest: Option<Likeliest>,
+}
+
+/// The likeliest single cause, with everything else mounted as modelled; none where the nominal model leaves no gap.
+///
+/// # Errors
+/// Invalid parameters of camera or mirror.
+pub(super) fn alone(problem: &Problem) -> Result<Option<Alone>> {
+    let exact = Beside::nothing(problem);
+    let Some(noise) = exact.gap(problem)? else { return Ok(None) };
+    let likeliest = likeliest(problem.clone(), vocabulary(), &exact, noise)?;
+    Ok(Some(Alone { noise, likeliest }))
+}
+
 /// Whether nothing, or a single cause of the vocabulary, leaves no more than the noise: the stated one, or what the views
 /// of a posture show among themselves.
 ///
 /// # Errors
 /// Invalid parameters of camera or mirror.
-pub(super) fn is_enough(problem: &Problem) -> Result<bool> {
-    let exact = Beside::nothing(problem);
-    let Some(noise) = exact.gap(problem)? else { return Ok(true) };
-    let Some(best) = likeliest(problem.clone(), vocabulary(), &exact, noise)? else { return Ok(false) };
+pub(super) fn is_enough(problem: &Problem, alone: Option<Alone>) -> Result<bool> {
+    let Some(Alone { noise, likeliest }) = alone else { return Ok(true) };
+    let Some(best) = likeliest else { return Ok(false) };
     let best = best.fitted(noise)?;
     if !is_gap(problem, best.left) {
         return Ok(true);
@@ -85,10 +102,11 @@ impl Beside {
 }
 
 /// The best single cause, by the score test.
+#[derive(Clone)]
 pub(super) struct Likeliest {
     problem: Problem,
     group: Group,
-    catalogue: Catalogue,
+    catalogue: Arc<Catalogue>,
     /// At the linear estimate.
     model: Model,
     pub log_bayes: f64,
@@ -114,7 +132,7 @@ impl Likeliest {
     pub fn fitted(self, noise: Noise) -> Result<Best> {
         let beside = self.variant_beside();
         let Self { problem, group, catalogue, model, .. } = self;
-        let mut best = Best { left: problem.noise, problem, group, catalogue: Arc::new(catalogue), model };
+        let mut best = Best { left: problem.noise, problem, group, catalogue, model };
         let start = best.model.clone();
         best.fit(noise)?;
         if let Some(variant) = beside {
@@ -194,5 +212,5 @@ pub(super) fn likeliest(
     let mut possible = others.map(|s| (s.log_bayes, at_estimate(s))).filter(|(_, with)| is_possible(with));
     let Some((log_bayes, model)) = possible.next() else { return Ok(None) };
     drop(possible);
-    Ok(Some(Likeliest { problem, group, catalogue, model, log_bayes }))
+    Ok(Some(Likeliest { problem, group, catalogue: Arc::new(catalogue), model, log_bayes }))
 }

@@ -386,7 +386,7 @@ fn one_is_enough(wrong: Vec<Wrong>, slipped_m: f64, stated_share: f64) -> bool {
     let mut problem = problem_of(&world, &recording);
     problem.noise.corner_px = stated_share * plan.noise_px;
     problem.noise.marker_px = stated_share * plan.noise_px;
-    single_cause::is_enough(&problem).unwrap()
+    single_cause::is_enough(&problem, single_cause::alone(&problem).unwrap()).unwrap()
 }
 
 #[test]
