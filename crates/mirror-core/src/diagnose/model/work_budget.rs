@@ -26,7 +26,7 @@ const PREDICTED: u64 = 110;
 
 /// What one diagnosis may spend at most, for each frame: some twenty-five milliseconds; and the fewest frames for which
 /// it is counted, because the algebra of causes costs as much in a short session.
-const MOST_OF_FRAME: u64 = 9_500_000;
+const MOST_OF_FRAME: u64 = 9_000_000;
 const FEWEST_FRAMES: usize = 200;
 /// What all diagnoses of a session may spend together, in units of that.
 const OF_SESSION: f64 = 1.3;
