@@ -3,6 +3,7 @@
 
 use crate::diagnose::effects::hypothesis::{Catalogue, Model, nuisances};
 use crate::diagnose::likelihood::covariance::Covariance;
+use crate::diagnose::likelihood::factor::cholesky;
 use crate::diagnose::likelihood::normal_equations::{Normal, changes_sight};
 use crate::diagnose::likelihood::secant::Secant;
 use crate::diagnose::model::camera_and_mirror::FootPoints;
@@ -314,7 +315,7 @@ fn step(
             g[i] = 0.0;
         }
     }
-    let scaled = h.cholesky()?.solve(&g);
+    let scaled = cholesky(h)?.solve(&g);
     let gain = scaled.dot(&g);
     Some((scaled.component_mul(&s), gain))
 }
@@ -328,7 +329,7 @@ fn summary(model: Model, normal: &Normal, active: &Active) -> Fit {
     // The nuisances' wide priors are the same in all models: they do not count.
     let causes = active.first_group..count;
     let penalty: f64 = causes.map(|i| (active.values[i] / s[i]).powi(2)).sum();
-    let factor = scaled.cholesky();
+    let factor = cholesky(scaled);
     // Not positive only where numbers overflow: no evidence then.
     let log_det = factor
         .as_ref()

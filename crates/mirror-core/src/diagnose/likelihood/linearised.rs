@@ -2,7 +2,7 @@
 //! at other sizes, with other columns in a cause's place, or without a cause.
 
 use crate::diagnose::effects::hypothesis::{Catalogue, Model, Term};
-use crate::diagnose::likelihood::covariance::variances;
+use crate::diagnose::likelihood::factor::{cholesky, variances};
 use crate::diagnose::likelihood::fit::{Active, FitOptions, Group, linearise};
 use crate::diagnose::likelihood::normal_equations::{Normal, Planes, changes_sight};
 use crate::diagnose::model::problem::{Noise, Problem};
@@ -84,7 +84,7 @@ impl Linearised {
             let (i, j) = (rest[a], rest[b]);
             h[(i, j)] * std[i] * std[j] + if a == b { 1.0 } else { 0.0 }
         });
-        among.cholesky()
+        cholesky(among)
     }
 
     /// Where the group's parameters begin.
@@ -143,7 +143,7 @@ impl Linearised {
         let b = DVector::from_fn(count, |i, _| self.normal.g[i] * s[i] - active.values[i] / s[i]);
         let whitened =
             DMatrix::from_fn(count, count, |i, j| h[(i, j)] * s[i] * s[j] + if i == j { 1.0 } else { 0.0 });
-        let factor = whitened.cholesky()?;
+        let factor = cholesky(whitened)?;
         let step = factor.solve(&b);
         let variances = variances(&factor, inside.clone()).into_iter();
         let variances: Vec<f64> = variances.zip(inside.clone()).map(|(v, i)| s[i] * s[i] * v).collect();
@@ -172,7 +172,7 @@ impl Linearised {
         let whitened = DMatrix::from_fn(at.len(), at.len(), |i, j| {
             h[(at[i], at[j])] * prior(at[i]) * prior(at[j]) + if i == j { 1.0 } else { 0.0 }
         });
-        let factor = whitened.cholesky()?;
+        let factor = cholesky(whitened)?;
         let log_det = 2.0 * factor.l_dirty().diagonal().iter().map(|x| x.ln()).sum::<f64>();
         let log = 0.5 * (b.dot(&factor.solve(&b)) - log_det);
         log.is_finite().then_some(log)
@@ -189,7 +189,7 @@ impl Linearised {
         let b = DVector::from_fn(count, |i, _| self.normal.g[i] * s[i] - v[i]);
         let whitened =
             DMatrix::from_fn(count, count, |i, j| h[(i, j)] * s[i] * s[j] + if i == j { 1.0 } else { 0.0 });
-        let factor = whitened.cholesky()?;
+        let factor = cholesky(whitened)?;
         let gain = b.dot(&factor.solve(&b));
         let log_det = 2.0 * factor.l_dirty().diagonal().iter().map(|x| x.ln()).sum::<f64>();
         let value = -0.5 * (self.normal.cost + v.norm_squared() - gain + log_det);

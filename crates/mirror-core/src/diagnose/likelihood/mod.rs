@@ -2,6 +2,7 @@
 
 mod constant_columns;
 pub(super) mod covariance;
+pub(super) mod factor;
 pub(super) mod fit;
 pub(super) mod joint_scatter;
 pub(super) mod linearised;

@@ -1,6 +1,6 @@
 //! Sets of causes in one linear model, each with the scales of small errors everywhere that it leaves.
 
-use crate::diagnose::likelihood::covariance::variances;
+use crate::diagnose::likelihood::factor::{cholesky, variances};
 use crate::diagnose::principles::Guard;
 use crate::diagnose::selection::linear_search::{LinearSearch, is_same_set};
 use crate::diagnose::selection::reduced_equations::{Equations, Reduced};
@@ -129,7 +129,7 @@ impl LinearSearch<'_> {
         let free = self.indices(causes);
         let posterior = |prior_std: &[f64]| {
             let (m, b) = rescaled(&units(prior_std), &free);
-            let factor = m.cholesky()?;
+            let factor = cholesky(m)?;
             let mean = factor.solve(&b);
             let values = group.clone().zip(prior_std).map(|(i, std)| std * mean[i]).collect();
             let variances = variances(&factor, group.clone()).into_iter();

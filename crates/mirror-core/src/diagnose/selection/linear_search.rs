@@ -10,6 +10,7 @@
 //! unknowns (frictions), and gross mistakes.
 
 use crate::diagnose::effects::hypothesis::Model;
+use crate::diagnose::likelihood::factor::cholesky;
 use crate::diagnose::likelihood::fit::Active;
 use crate::diagnose::likelihood::normal_equations::{Normal, changes_sight};
 use crate::diagnose::model::problem::{Noise, Problem};
@@ -246,7 +247,7 @@ impl<'a> LinearSearch<'a> {
     pub fn factor(&self, (m, _): &Equations, set: &[usize]) -> Option<(Factor, Vec<usize>)> {
         let indices = self.indices(set);
         let among = DMatrix::from_fn(indices.len(), indices.len(), |i, j| m[(indices[i], indices[j])]);
-        Some((among.cholesky()?, indices))
+        Some((cholesky(among)?, indices))
     }
 
     /// The values of all parameters, in their own units, where a set of candidates is best by the linear model; 0 of those that are not in it.

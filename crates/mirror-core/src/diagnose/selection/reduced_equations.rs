@@ -1,6 +1,7 @@
 //! Normal equations with all that is always free eliminated: what a search over sets of causes asks again and again has
 //! as many unknowns as those causes.
 
+use crate::diagnose::likelihood::factor::cholesky;
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
 /// Normal equations `M = I + S H S`, `b = S g`, in units of the priors' deviations.
@@ -42,7 +43,7 @@ impl Reduced {
             DMatrix::from_fn(rows.len(), columns.len(), |i, j| m[(rows[i], columns[j])])
         };
         let of = |rows: &[usize]| DVector::from_fn(rows.len(), |i, _| b[rows[i]]);
-        let factor = part(eliminated, eliminated).cholesky()?;
+        let factor = cholesky(part(eliminated, eliminated))?;
         let across = factor.l_dirty().solve_lower_triangular(&part(eliminated, &left))?;
         let solved = factor.l_dirty().solve_lower_triangular(&of(eliminated))?;
         let of_eliminated = 0.5 * solved.norm_squared() - log_diagonal(&factor);
@@ -59,7 +60,7 @@ impl Reduced {
         let unknowns: Vec<usize> = unknowns.map(|i| self.at[i]).collect::<Option<_>>()?;
         let among =
             DMatrix::from_fn(unknowns.len(), unknowns.len(), |i, j| self.m[(unknowns[i], unknowns[j])]);
-        let factor = among.cholesky()?;
+        let factor = cholesky(among)?;
         let right = DVector::from_fn(unknowns.len(), |i, _| self.b[unknowns[i]]);
         let solved = factor.l_dirty().solve_lower_triangular(&right)?;
         Some(Base { unknowns, factor, solved })
@@ -78,7 +79,7 @@ impl Reduced {
         let across = base.factor.l_dirty().solve_lower_triangular(&across)?;
         let among = DMatrix::from_fn(own.len(), own.len(), |i, j| self.m[(own[i], own[j])]);
         let left = DVector::from_fn(own.len(), |i, _| self.b[own[i]]) - across.tr_mul(&base.solved);
-        let factor = (among - across.tr_mul(&across)).cholesky()?;
+        let factor = cholesky(among - across.tr_mul(&across))?;
         let values = factor.solve(&left);
         Some(Added { log_evidence: 0.5 * left.dot(&values) - log_diagonal(&factor), values })
     }
