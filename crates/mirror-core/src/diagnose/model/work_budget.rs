@@ -17,14 +17,14 @@ const LEAST: u64 = 480_000_000;
 /// few columns of mounts, and as many causes as another.
 const LEAST_OF_FRAME: u64 = 9_000_000;
 const MOST_FRAMES: usize = 500;
-/// A frame; each corner of its board, where these are rows; each column; each product of two is a quarter. In some five nanoseconds of one core.
+/// A frame; each corner of its board, where these are rows; each column; each product of two is a quarter. In some two nanoseconds of one core.
 const FRAME: u64 = 600;
 const CORNER: u64 = 260;
 const COLUMN: u64 = 15;
 /// A corner that is predicted while a board's mirror is fitted.
 const PREDICTED: u64 = 110;
 
-/// What one diagnosis may spend at most, for each frame: some twenty-five milliseconds; and the fewest frames for which
+/// What one diagnosis may spend at most, for each frame: some twenty milliseconds; and the fewest frames for which
 /// it is counted, because the algebra of causes costs as much in a short session.
 const MOST_OF_FRAME: u64 = 9_000_000;
 const FEWEST_FRAMES: usize = 200;
