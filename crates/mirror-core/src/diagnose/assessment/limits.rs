@@ -18,6 +18,7 @@ use crate::diagnose::assessment::findings::Findings;
 use crate::diagnose::criteria::cross_validation::size;
 use crate::diagnose::data::diagnosis::Limit;
 use crate::diagnose::effects::hypothesis::Catalogue;
+use crate::diagnose::likelihood::factor::log_det;
 use crate::diagnose::likelihood::fit::FitOptions;
 use crate::diagnose::likelihood::linearised::Linearised;
 use crate::diagnose::likelihood::score_test::screen;
@@ -118,7 +119,7 @@ fn limits_of(search: &Search<'_>, hypothesis: usize, information: &DMatrix<f64>,
         information[(i, j)] * s[i] * s[j] + if i == j { 1.0 } else { 0.0 }
     });
     let Some(factor) = occam.cholesky() else { return vec![f64::INFINITY; count] };
-    let log_det = 2.0 * factor.l_dirty().diagonal().iter().map(|x| x.ln()).sum::<f64>();
+    let log_det = log_det(&factor);
     let asked = 2.0 * (search.options.least_log_odds - entry.log_prior) + log_det;
     // A cause uses as many degrees of freedom of the held-out postures as it has parameters.
     let needed = noncentrality(asked.max(held_out + count as f64), count as f64);

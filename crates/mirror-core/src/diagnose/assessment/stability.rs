@@ -6,6 +6,7 @@
 
 use crate::diagnose::assessment::findings::Findings;
 use crate::diagnose::effects::hypothesis::Term;
+use crate::diagnose::likelihood::factor::log_det;
 use crate::diagnose::likelihood::saturated::postures;
 use crate::diagnose::likelihood::score_test::Score;
 use crate::diagnose::principles::{LEAST_LOG_ODDS, Size};
@@ -143,8 +144,7 @@ fn displaced(
             columns.iter().map(|c| position.get(&(whole.first_group + c)).copied()).collect::<Option<_>>()?;
         let own = DMatrix::from_fn(at.len(), at.len(), |i, j| covariance[(at[i], at[j])]).cholesky()?;
         let values = DVector::from_fn(at.len(), |i, _| mean[at[i]]);
-        let log_det: f64 = own.l_dirty().diagonal().iter().map(|x| x.ln()).sum();
-        Some(0.5 * values.dot(&own.solve(&values)) + log_det >= LEAST_LOG_ODDS)
+        Some(0.5 * (values.dot(&own.solve(&values)) + log_det(&own)) >= LEAST_LOG_ODDS)
     };
     mounts.iter().map(of_mount).collect()
 }

@@ -2,7 +2,7 @@
 
 use crate::diagnose::model::deformation::Deformation;
 use crate::diagnose::model::elementary::Atom;
-use crate::diagnose::model::frame::{Acting, FrameWork, ManyColumns, Span, Table, add_products, stride};
+use crate::diagnose::model::frame::{Acting, FrameWork, ManyColumns, Table, add_products, stride};
 use crate::diagnose::model::problem::Problem;
 use nalgebra::{DMatrix, DVector};
 
@@ -36,7 +36,7 @@ impl ConstantColumns {
         let count = self.acting.len();
         self.table.clear(count + 1, work.row_count);
         self.columns.write(work, (problem, deformation), &self.acting, &mut self.table);
-        self.table.write(count, &work.residual, Span { start: 0, end: work.row_count }, 1.0);
+        self.table.write(count, &work.residual, 1.0);
         add_products(&self.table, &self.table, true, &mut self.products);
     }
 

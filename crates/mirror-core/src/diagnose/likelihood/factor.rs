@@ -45,6 +45,11 @@ fn factorise(values: &mut [f64], count: usize) -> bool {
     true
 }
 
+/// `log det A`.
+pub(crate) fn log_det(factor: &Cholesky<f64, Dyn>) -> f64 {
+    2.0 * factor.l_dirty().diagonal().iter().map(|x| x.ln()).sum::<f64>()
+}
+
 /// Some diagonal entries of `A⁻¹`: the squared lengths of columns of `L⁻¹`.
 pub(crate) fn variances(factor: &Cholesky<f64, Dyn>, which: Range<usize>) -> Vec<f64> {
     let l = factor.l_dirty();
@@ -86,6 +91,7 @@ mod tests {
             let factor = cholesky(matrix.clone()).unwrap();
             let l = factor.l();
             assert!((&l * l.transpose() - &matrix).amax() < 1e-12 * matrix.amax(), "{n}");
+            assert!((log_det(&factor) - matrix.determinant().ln()).abs() < 1e-10, "{n}");
             let inverse = matrix.try_inverse().unwrap();
             for (i, v) in (n / 3..n).zip(variances(&factor, n / 3..n)) {
                 assert!((v - inverse[(i, i)]).abs() < 1e-10 * v, "{n}");

@@ -3,7 +3,7 @@
 
 use crate::diagnose::effects::hypothesis::{Catalogue, Model, nuisances};
 use crate::diagnose::likelihood::covariance::Covariance;
-use crate::diagnose::likelihood::factor::cholesky;
+use crate::diagnose::likelihood::factor::{cholesky, log_det};
 use crate::diagnose::likelihood::normal_equations::{Normal, changes_sight};
 use crate::diagnose::likelihood::secant::Secant;
 use crate::diagnose::model::camera_and_mirror::FootPoints;
@@ -331,9 +331,7 @@ fn summary(model: Model, normal: &Normal, active: &Active) -> Fit {
     let penalty: f64 = causes.map(|i| (active.values[i] / s[i]).powi(2)).sum();
     let factor = cholesky(scaled);
     // Not positive only where numbers overflow: no evidence then.
-    let log_det = factor
-        .as_ref()
-        .map_or(f64::INFINITY, |f| 2.0 * f.l_dirty().diagonal().iter().map(|x| x.ln()).sum::<f64>());
+    let log_det = factor.as_ref().map_or(f64::INFINITY, log_det);
     Fit {
         log_evidence: -0.5 * (normal.cost + penalty + log_det),
         misfit: normal.cost + active.penalty(&active.values),

@@ -16,6 +16,7 @@
 //! Sources: Laird and Ware (1982) for the random effects; Liang and Zeger (1986) for the variance of scores.
 
 use crate::diagnose::likelihood::constant_columns::ConstantColumns;
+use crate::diagnose::likelihood::factor::log_det;
 use crate::diagnose::likelihood::noise::{SETTLED, effective};
 use crate::diagnose::likelihood::normal_equations::{changes_sight, counts};
 use crate::diagnose::likelihood::saturated::postures;
@@ -135,9 +136,7 @@ impl JointScatter {
         let precision = std_rad.powi(-2);
         let of_posture = |(error, of): (&DVector<f64>, OfPosture)| {
             let scaled = of.h / precision + DMatrix::identity(joints.len(), joints.len());
-            let log_det = scaled
-                .cholesky()
-                .map_or(f64::INFINITY, |f| 2.0 * f.l_dirty().diagonal().iter().map(|x| x.ln()).sum::<f64>());
+            let log_det = scaled.cholesky().map_or(f64::INFINITY, |f| log_det(&f));
             of.cost + error.norm_squared() * precision + log_det
         };
         let sums = sums(problem, &moved, &groups, joints, noise)?;
@@ -173,8 +172,7 @@ impl JointScatter {
                 let Some(factor) = scaled.cholesky() else { continue };
                 let error = factor.solve(&of.g) * variance;
                 square += error.norm_squared() + variance * factor.inverse().trace();
-                all +=
-                    0.5 * error.dot(&of.g) - factor.l_dirty().diagonal().iter().map(|x| x.ln()).sum::<f64>();
+                all += 0.5 * (error.dot(&of.g) - log_det(&factor));
             }
             gain = all;
             variance = square / (sums.len() * joints.len()).max(1) as f64;

@@ -2,7 +2,7 @@
 //! at other sizes, with other columns in a cause's place, or without a cause.
 
 use crate::diagnose::effects::hypothesis::{Catalogue, Model, Term};
-use crate::diagnose::likelihood::factor::{cholesky, variances};
+use crate::diagnose::likelihood::factor::{cholesky, log_det, variances};
 use crate::diagnose::likelihood::fit::{Active, FitOptions, Group, linearise};
 use crate::diagnose::likelihood::normal_equations::{Normal, Planes, changes_sight};
 use crate::diagnose::model::problem::{Noise, Problem};
@@ -173,7 +173,7 @@ impl Linearised {
             h[(at[i], at[j])] * prior(at[i]) * prior(at[j]) + if i == j { 1.0 } else { 0.0 }
         });
         let factor = cholesky(whitened)?;
-        let log_det = 2.0 * factor.l_dirty().diagonal().iter().map(|x| x.ln()).sum::<f64>();
+        let log_det = log_det(&factor);
         let log = 0.5 * (b.dot(&factor.solve(&b)) - log_det);
         log.is_finite().then_some(log)
     }
@@ -191,7 +191,7 @@ impl Linearised {
             DMatrix::from_fn(count, count, |i, j| h[(i, j)] * s[i] * s[j] + if i == j { 1.0 } else { 0.0 });
         let factor = cholesky(whitened)?;
         let gain = b.dot(&factor.solve(&b));
-        let log_det = 2.0 * factor.l_dirty().diagonal().iter().map(|x| x.ln()).sum::<f64>();
+        let log_det = log_det(&factor);
         let value = -0.5 * (self.normal.cost + v.norm_squared() - gain + log_det);
         value.is_finite().then_some(value)
     }

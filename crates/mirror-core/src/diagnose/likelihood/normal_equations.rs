@@ -4,7 +4,7 @@ use crate::diagnose::model::camera_and_mirror::FootPoints;
 use crate::diagnose::model::deformation::Deformation;
 use crate::diagnose::model::elementary::{Atom, Column, Weight};
 use crate::diagnose::model::frame::{
-    Acting, FrameWork, LANES, ManyColumns, PROJECTED, Span, Table, Task, Wanted, add_products, stride,
+    Acting, FrameWork, LANES, ManyColumns, PROJECTED, Table, Task, Wanted, add_products, stride,
 };
 use crate::diagnose::model::problem::{FRAMES_A_CHUNK, Noise, Problem};
 use crate::diagnose::principles::Size;
@@ -286,7 +286,7 @@ impl Scratch {
                 sum.planes.by_parameter[of_frame + i] = work.foot_by(&table.along(column.at));
             }
         }
-        table.write(last, &work.residual, Span { start: 0, end: work.row_count }, 1.0);
+        table.write(last, &work.residual, 1.0);
         if few {
             which.push(count);
             products.clear();

@@ -12,7 +12,7 @@ use crate::diagnose::likelihood::fit::{Active, Group};
 use crate::diagnose::likelihood::normal_equations::{by_atom, changes_sight, counts, inner, rounds};
 use crate::diagnose::model::elementary::{Atom, Column};
 use crate::diagnose::model::frame::{
-    Acting, FrameWork, ManyColumns, PROJECTED, Span, Table, Task, Wanted, add_products, stride,
+    Acting, FrameWork, ManyColumns, PROJECTED, Table, Task, Wanted, add_products, stride,
 };
 use crate::diagnose::model::problem::{Noise, Problem};
 use crate::error::Result;
@@ -309,11 +309,11 @@ impl Scratch {
             for &i in indices {
                 let weight = what.active[i].weight.at(scene, frame);
                 if weight != 0.0 {
-                    self.active.write(i, vector, Span { start: 0, end: rows }, weight);
+                    self.active.write(i, vector, weight);
                 }
             }
         }
-        self.active.write(count, &self.work.residual, Span { start: 0, end: rows }, 1.0);
+        self.active.write(count, &self.work.residual, 1.0);
         add_products(&self.active, &self.active, true, &mut out.base);
         let stride = stride(count + 1);
         self.atom_active.clear();

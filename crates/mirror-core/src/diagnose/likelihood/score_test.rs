@@ -8,6 +8,7 @@
 //! Source: the score (Lagrange multiplier) test, Rao 1948; the evidence is that of the linearised model.
 
 use crate::diagnose::effects::hypothesis::{Catalogue, Model};
+use crate::diagnose::likelihood::factor::log_det;
 use crate::diagnose::likelihood::fit::{Active, Group};
 use crate::diagnose::likelihood::score_sums::{CandidateSums, ScoreSums};
 use crate::diagnose::model::problem::{Noise, Problem};
@@ -139,7 +140,7 @@ fn score(
             if candidate.positive && k > 1 {
                 solution = not_negative(&scaled, &scaled_g, solution);
             }
-            let log_det = 2.0 * factor.l_dirty().diagonal().iter().map(|x| x.ln()).sum::<f64>();
+            let log_det = log_det(&factor);
             let estimate = solution.component_mul(&s);
             let impossible = candidate.positive && estimate.iter().all(|value| *value <= 0.0);
             let gain = if impossible { 0.0 } else { 0.5 * scaled_g.dot(&solution) };

@@ -11,9 +11,9 @@ use std::sync::atomic::{AtomicU64, Ordering};
 /// The limit, in linearisations of the whole session with free mounts; simulated sessions and sessions mounted by
 /// hand mostly use a fifth to three quarters of it.
 const MOST_LINEARISATIONS: u64 = 1600;
-/// At least: three seconds or so.
+/// At least: a second or so.
 const LEAST: u64 = 480_000_000;
-/// The minimum for each frame, up to this many frames: twenty-five milliseconds. A session of measured points has
+/// The minimum for each frame, up to this many frames: some twenty milliseconds. A session of measured points has
 /// few columns of mounts, and as many causes as another.
 const LEAST_OF_FRAME: u64 = 9_000_000;
 const MOST_FRAMES: usize = 500;

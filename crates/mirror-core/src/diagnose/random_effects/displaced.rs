@@ -3,6 +3,7 @@
 //! − Σ log s_k`.
 
 use crate::diagnose::effects::Place;
+use crate::diagnose::likelihood::factor::log_det;
 use crate::diagnose::likelihood::fit::Fit;
 use crate::diagnose::principles::LEAST_LOG_ODDS;
 use crate::diagnose::random_effects::geometric_tolerances::Geometry;
@@ -36,6 +37,6 @@ pub(crate) fn log_bayes(setup: &Geometry, fit: &Fit, columns: &[usize]) -> f64 {
     });
     let values = DVector::from_fn(columns.len(), |i, _| fit.model.group[columns[i]] / spread(columns[i]));
     let Some(factor) = covariance.cholesky() else { return 0.0 };
-    let log_det = 2.0 * factor.l_dirty().diagonal().iter().map(|x| x.ln()).sum::<f64>();
+    let log_det = log_det(&factor);
     0.5 * values.dot(&factor.solve(&values)) + 0.5 * log_det
 }

@@ -76,7 +76,7 @@ pub(crate) fn free_errors_of(
                     }
                     buffer.resize(work.row_count + PROJECTED, 0.0);
                     for (atom, (h, g)) in atoms.iter().zip(&mut sums) {
-                        if work.column(problem, deformation, frame, *atom, buffer) {
+                        if work.column(problem, deformation, *atom, buffer) {
                             *h += inner(buffer, buffer);
                             *g += inner(buffer, &work.residual);
                             at = at.or(Some(frame));

@@ -254,7 +254,7 @@ fn by_first_order(search: &Search<'_>, model: &Model, noise: Noise) -> Result<Ve
             }
             column.resize(work.row_count + PROJECTED, 0.0);
             for (sums, &n) in sums.iter_mut().zip(&joints) {
-                if work.column(problem, &deformation, frame, Atom::Joint(n), &mut column) {
+                if work.column(problem, &deformation, Atom::Joint(n), &mut column) {
                     sums[p].0 += inner(&column, &column);
                     sums[p].1 += inner(&column, &work.residual);
                 }

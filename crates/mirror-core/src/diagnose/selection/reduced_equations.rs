@@ -1,7 +1,7 @@
 //! Normal equations with all that is always free eliminated: what a search over sets of causes asks again and again has
 //! as many unknowns as those causes.
 
-use crate::diagnose::likelihood::factor::cholesky;
+use crate::diagnose::likelihood::factor::{cholesky, log_det};
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
 /// Normal equations `M = I + S H S`, `b = S g`, in units of the priors' deviations.
@@ -46,7 +46,7 @@ impl Reduced {
         let factor = cholesky(part(eliminated, eliminated))?;
         let across = factor.l_dirty().solve_lower_triangular(&part(eliminated, &left))?;
         let solved = factor.l_dirty().solve_lower_triangular(&of(eliminated))?;
-        let of_eliminated = 0.5 * solved.norm_squared() - log_diagonal(&factor);
+        let of_eliminated = 0.5 * solved.norm_squared() - 0.5 * log_det(&factor);
         Some(Self {
             m: part(&left, &left) - across.tr_mul(&across),
             b: of(&left) - across.tr_mul(&solved),
@@ -68,7 +68,7 @@ impl Reduced {
 
     /// Log evidence with some unknowns, up to a constant: `½ bᵀ M⁻¹ b − ½ ln |M|`.
     pub fn log_evidence(&self, base: &Base) -> f64 {
-        self.of_eliminated + 0.5 * base.solved.norm_squared() - log_diagonal(&base.factor)
+        self.of_eliminated + 0.5 * (base.solved.norm_squared() - log_det(&base.factor))
     }
 
     /// What further unknowns add to a base; none where numbers overflow.
@@ -81,13 +81,8 @@ impl Reduced {
         let left = DVector::from_fn(own.len(), |i, _| self.b[own[i]]) - across.tr_mul(&base.solved);
         let factor = cholesky(among - across.tr_mul(&across))?;
         let values = factor.solve(&left);
-        Some(Added { log_evidence: 0.5 * left.dot(&values) - log_diagonal(&factor), values })
+        Some(Added { log_evidence: 0.5 * (left.dot(&values) - log_det(&factor)), values })
     }
-}
-
-/// `½ ln |M|` of a factor of M.
-fn log_diagonal(factor: &Factor) -> f64 {
-    factor.l_dirty().diagonal().iter().map(|x| x.ln()).sum()
 }
 
 #[cfg(test)]

@@ -5,6 +5,7 @@ use super::gap_world::{Plan, World, Wrong};
 use crate::diagnose::effects::hypothesis::{Catalogue, Term};
 use crate::diagnose::effects::vocabulary;
 use crate::diagnose::likelihood::normal_equations::inner;
+use crate::diagnose::model::camera_and_mirror::Eye;
 use crate::diagnose::model::deformation::Deformation;
 use crate::diagnose::model::elementary::{Atom, Column, Weight};
 use crate::diagnose::model::frame::{FrameWork, PROJECTED, Task, Wanted};
@@ -104,19 +105,30 @@ pub(super) fn atoms(problem: &Problem) -> Vec<Atom> {
     out
 }
 
-/// The frame evaluated at a deformation, its plane at its own optimum there.
-fn evaluated(problem: &Problem, deformation: &Deformation, frame: usize) -> FrameWork {
-    let eye = problem.eye(deformation).unwrap();
-    let task = Task {
+/// With all columns, the corners as rows or condensed.
+pub(super) fn task<'a>(
+    problem: &Problem,
+    deformation: &'a Deformation,
+    eye: Option<&'a Eye>,
+    free: bool,
+    condensed: bool,
+) -> Task<'a> {
+    Task {
         deformation,
-        eye: eye.as_ref(),
+        eye,
         noise: problem.noise,
         with_board: true,
         gaussian: true,
-        wanted: Wanted { optics: true, lens: true, mirror: true, free: true },
+        wanted: Wanted { optics: true, lens: true, mirror: true, free },
         planes: None,
-        condensed: false,
-    };
+        condensed,
+    }
+}
+
+/// The frame evaluated at a deformation, its plane at its own optimum there.
+fn evaluated(problem: &Problem, deformation: &Deformation, frame: usize) -> FrameWork {
+    let eye = problem.eye(deformation).unwrap();
+    let task = task(problem, deformation, eye.as_ref(), true, false);
     let mut work = FrameWork::new(problem);
     assert!(work.evaluate(problem, &task, frame));
     work
@@ -127,15 +139,9 @@ fn rows(work: &FrameWork, x: &[f64]) -> DVector<f64> {
     DVector::from_column_slice(&x[..work.row_count])
 }
 
-fn column(
-    work: &FrameWork,
-    problem: &Problem,
-    d: &Deformation,
-    frame: usize,
-    atom: Atom,
-) -> Option<Vec<f64>> {
+fn column(work: &FrameWork, problem: &Problem, d: &Deformation, atom: Atom) -> Option<Vec<f64>> {
     let mut out = vec![0.0; work.row_count + PROJECTED];
-    work.column(problem, d, frame, atom, &mut out).then_some(out)
+    work.column(problem, d, atom, &mut out).then_some(out)
 }
 
 /// Off the plane's directions: `I − D (DᵀD)⁻¹ Dᵀ`. The plane's own small motion under a change lies along them.
@@ -177,7 +183,7 @@ fn every_atoms_column_is_the_derivative_of_the_exact_model() {
                 rows(&work, &work.residual)
             };
             let difference = &off * (moved(-1.0) - moved(1.0)) / (2.0 * h);
-            let claimed = column(&work, &problem, &deformation, frame, atom)
+            let claimed = column(&work, &problem, &deformation, atom)
                 .map_or_else(|| DVector::zeros(work.row_count), |c| &off * rows(&work, &c));
             let scale = difference.norm().max(claimed.norm());
             if scale < 1e-3 {
@@ -324,7 +330,7 @@ fn a_base_that_moves_has_the_columns_of_its_motion() {
                     rows(&work, &work.residual)
                 };
                 let difference = (moved(-1.0) - moved(1.0)) / 2e-5;
-                let claimed = column(&work, &problem, &deformation, 3, by.atom).unwrap();
+                let claimed = column(&work, &problem, &deformation, by.atom).unwrap();
                 let claimed = rows(&work, &claimed);
                 let miss = (&difference - &claimed).norm() / difference.norm();
                 let turned = !known || moving;
@@ -344,7 +350,7 @@ fn the_inner_product_is_that_of_the_projected_columns() {
     let work = evaluated(&problem, &deformation, 1);
     let off = off_plane(&work);
     let columns: Vec<Vec<f64>> =
-        atoms(&problem).into_iter().filter_map(|a| column(&work, &problem, &deformation, 1, a)).collect();
+        atoms(&problem).into_iter().filter_map(|a| column(&work, &problem, &deformation, a)).collect();
     for x in &columns {
         let projected = &off * rows(&work, x);
         for y in &columns {
@@ -365,20 +371,10 @@ fn the_ideal_mirrors_short_cut_is_the_general_optics() {
     for frame in 0..problem.frames.len() {
         let run = |d: &Deformation| {
             let eye = problem.eye(d).unwrap();
-            let task = Task {
-                deformation: d,
-                eye: eye.as_ref(),
-                noise: problem.noise,
-                with_board: true,
-                gaussian: true,
-                wanted: Wanted { optics: true, lens: true, mirror: true, free: true },
-                planes: None,
-                condensed: false,
-            };
+            let task = task(&problem, d, eye.as_ref(), true, false);
             let mut work = FrameWork::new(&problem);
             assert!(work.evaluate(&problem, &task, frame));
-            let by_mirror =
-                [Atom::Glass, Atom::Curvature].map(|a| column(&work, &problem, d, frame, a).unwrap());
+            let by_mirror = [Atom::Glass, Atom::Curvature].map(|a| column(&work, &problem, d, a).unwrap());
             (work.residual.clone(), work.foot, work.plane_rows(), by_mirror)
         };
         let ((a, foot_a, rows_a, by_a), (b, foot_b, rows_b, by_b)) = (run(&short), run(&long));
@@ -400,20 +396,11 @@ fn markers_seen_together_are_those_seen_one_by_one() {
         let eye = problem.eye(&d).unwrap();
         for frame in 0..problem.frames.len() {
             let run = |free: bool| {
-                let task = Task {
-                    deformation: &d,
-                    eye: eye.as_ref(),
-                    noise: problem.noise,
-                    with_board: true,
-                    gaussian: true,
-                    wanted: Wanted { optics: true, lens: true, mirror: true, free },
-                    planes: None,
-                    condensed: false,
-                };
+                let task = task(&problem, &d, eye.as_ref(), free, false);
                 let mut work = FrameWork::new(&problem);
                 assert!(work.evaluate(&problem, &task, frame));
                 let of = [Atom::Focal, Atom::Center(1), Atom::Dk1, Atom::Glass, Atom::Curvature];
-                let columns = of.map(|a| column(&work, &problem, &d, frame, a).unwrap());
+                let columns = of.map(|a| column(&work, &problem, &d, a).unwrap());
                 (work.residual.clone(), work.plane_rows(), columns)
             };
             let ((a, plane_a, by_a), (b, plane_b, by_b)) = (run(false), run(true));
@@ -443,16 +430,7 @@ fn condensed_corners_have_the_same_products() {
         let eye = problem.eye(&d).unwrap();
         let full = evaluated(&problem, &d, 1);
         let mut condensed = FrameWork::new(&problem);
-        let task = Task {
-            deformation: &d,
-            eye: eye.as_ref(),
-            noise: problem.noise,
-            with_board: true,
-            gaussian: true,
-            wanted: Wanted { optics: true, lens: true, mirror: true, free: false },
-            planes: None,
-            condensed: true,
-        };
+        let task = task(&problem, &d, eye.as_ref(), false, true);
         assert!(condensed.evaluate(&problem, &task, 1));
         assert!(condensed.row_count < full.row_count / 2);
         assert!((condensed.foot - full.foot).norm() < 1e-9);
@@ -461,7 +439,7 @@ fn condensed_corners_have_the_same_products() {
         let all = atoms(&problem).into_iter();
         let atoms: Vec<Atom> = all.filter(|a| !matches!(a, Atom::FreeOptics(_))).collect();
         let vectors = |work: &FrameWork| -> Vec<Option<Vec<f64>>> {
-            let of_atoms = atoms.iter().map(|&a| column(work, &problem, &d, 1, a));
+            let of_atoms = atoms.iter().map(|&a| column(work, &problem, &d, a));
             of_atoms.chain([Some(work.residual.clone())]).collect()
         };
         let (exact, few) = (vectors(&full), vectors(&condensed));

@@ -1,25 +1,16 @@
 //! All columns of a frame at once against each by itself, which is checked against differences.
 
 use super::column_world;
-use super::jacobians::{atoms, problem_with, problem_with_gears, somewhere};
+use super::jacobians::{atoms, problem_with, problem_with_gears, somewhere, task};
 use crate::diagnose::model::deformation::Deformation;
 use crate::diagnose::model::elementary::Atom;
-use crate::diagnose::model::frame::{Acting, FrameWork, ManyColumns, PROJECTED, Table, Task, Wanted};
+use crate::diagnose::model::frame::{Acting, FrameWork, ManyColumns, PROJECTED, Table};
 use crate::diagnose::model::problem::Problem;
 
 /// The largest difference between the table's columns and those by themselves, and how many columns are not 0.
 fn difference(problem: &Problem, deformation: &Deformation, condensed: bool) -> (f64, usize) {
     let eye = problem.eye(deformation).unwrap();
-    let task = Task {
-        deformation,
-        eye: eye.as_ref(),
-        noise: problem.noise,
-        with_board: true,
-        gaussian: true,
-        wanted: Wanted { optics: true, lens: true, mirror: true, free: !condensed },
-        planes: None,
-        condensed,
-    };
+    let task = task(problem, deformation, eye.as_ref(), !condensed, condensed);
     let mut work = FrameWork::new(problem);
     let mut all = atoms(problem);
     all.extend((0..6).flat_map(|k| [Atom::BoardSlip(k), Atom::FramePose(k)]));
@@ -40,7 +31,7 @@ fn difference(problem: &Problem, deformation: &Deformation, condensed: bool) -> 
         let (mut own, mut of_table) =
             (vec![0.0; work.row_count + PROJECTED], vec![0.0; work.row_count + PROJECTED]);
         for column in &acting {
-            moving += usize::from(work.column(problem, deformation, frame, column.atom, &mut own));
+            moving += usize::from(work.column(problem, deformation, column.atom, &mut own));
             table.read(column.at, &mut of_table);
             let scale = own.iter().fold(1e-9_f64, |most, x| most.max(x.abs()));
             for (one, other) in own.iter().zip(&of_table) {

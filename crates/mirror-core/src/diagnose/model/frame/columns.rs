@@ -1,51 +1,32 @@
 //! The columns of a frame: the derivatives of its rows by an elementary change of the model.
 
-use super::products::{PROJECTED, Span};
+use super::products::PROJECTED;
 use super::rows::Rows;
+use super::target::Target;
 use super::work::FrameWork;
-use crate::diagnose::model::body::NodeId;
 use crate::diagnose::model::deformation::Deformation;
-use crate::diagnose::model::elementary::{Atom, Twist, body_twist, followers, moves};
+use crate::diagnose::model::elementary::{Atom, Twist, body_twist, followers};
 use crate::diagnose::model::problem::Problem;
 use crate::diagnose::model::slips::Slipped;
 use nalgebra::{Vector3, Vector6};
 
-/// How an atom of the body moves a row's target against its observer: 1, −1 where it is the observer that moves, or not at all.
-pub(super) fn motion(
-    problem: &Problem,
-    node: Option<NodeId>,
-    observer: Option<NodeId>,
-    atom: Atom,
-) -> Option<f64> {
-    let target = moves(atom, &problem.scene, node);
-    let observer = moves(atom, &problem.scene, observer);
-    (target != observer).then_some(if target { 1.0 } else { -1.0 })
-}
-
-/// The motion of a row's target against its observer that an atom causes: its own twist, and those of the mimic joints
+/// The motion of a target against its observer that an atom with this twist causes: its own, and those of the mimic joints
 /// that follow it; none where it moves neither or both.
 fn relative_twist(
     work: &FrameWork,
     (problem, deformation): (&Problem, &Deformation),
     atom: Atom,
     twist: &Twist,
-    (node, observer): (Option<NodeId>, Option<NodeId>),
+    target: &Target,
 ) -> Option<Twist> {
-    let own = motion(problem, node, observer, atom).map(|sign| twist.times(sign));
+    let own = target.sign(problem, atom).map(|sign| twist.times(sign));
     followers(atom, &problem.scene).iter().fold(own, |sum, &(follower, factor)| {
         let atom = Atom::Joint(follower);
-        let Some(sign) = motion(problem, node, observer, atom) else { return sum };
+        let Some(sign) = target.sign(problem, atom) else { return sum };
         let twist =
             body_twist(atom, &problem.scene, &work.poses, deformation, work.frame)?.times(sign * factor);
         Some(sum.map_or(twist, |sum| sum.plus(&twist)))
     })
-}
-
-/// How the board's mount moves a row's target relative to its observer: the board itself, and a camera on the same
-/// body.
-pub(super) fn board_motion(problem: &Problem, target: bool, measured: bool) -> Option<f64> {
-    let observer = !measured && problem.camera_beside_board();
-    (target != observer).then_some(if target { 1.0 } else { -1.0 })
 }
 
 impl FrameWork {
@@ -78,48 +59,38 @@ impl FrameWork {
         Some(Twist::along(nominal.column(k - 3).into_owned()))
     }
 
-    /// Writes a column's rows and its projection (`row_count + 3` numbers); false where the atom moves nothing here.
-    pub fn column(
-        &self,
-        problem: &Problem,
-        deformation: &Deformation,
-        frame: usize,
-        atom: Atom,
-        out: &mut [f64],
-    ) -> bool {
-        self.column_in(problem, deformation, frame, atom, out).is_some()
+    /// The twist of an atom that moves something; none of the others.
+    pub(super) fn twist_of(&self, problem: &Problem, deformation: &Deformation, atom: Atom) -> Option<Twist> {
+        match atom {
+            Atom::BoardMount(_) | Atom::BoardSlip(_) => self.board_twist(problem, deformation, atom),
+            Atom::MarkerShift(m, k) => {
+                let mount = self.poses.site(&problem.marker_mounts[m]).r;
+                Some(Twist::along(mount.column(k).into_owned()))
+            }
+            _ => body_twist(atom, &problem.scene, &self.poses, deformation, self.frame),
+        }
     }
 
-    /// As [`FrameWork::column`], and from where to where the rows are not 0: a limb moves its markers' rows, not the board's.
-    pub fn column_in(
-        &self,
-        problem: &Problem,
-        deformation: &Deformation,
-        frame: usize,
-        atom: Atom,
-        out: &mut [f64],
-    ) -> Option<Span> {
+    /// Writes a column's rows and its projection (`row_count + 3` numbers); false where the atom moves nothing here.
+    pub fn column(&self, problem: &Problem, deformation: &Deformation, atom: Atom, out: &mut [f64]) -> bool {
         out[..self.row_count + PROJECTED].fill(0.0);
-        let mut span: Option<Span> = None;
+        let mut any = false;
         let mut gradient = Vector3::zeros();
-        let twist = match atom {
-            Atom::BoardMount(_) | Atom::BoardSlip(_) => self.board_twist(problem, deformation, atom),
-            _ => body_twist(atom, &problem.scene, &self.poses, deformation, frame),
-        };
+        let twist = self.twist_of(problem, deformation, atom);
         let condensed = &self.condensed;
         let mut at = 0;
         if condensed.used {
-            if let Some(end) = self.condensed_column((problem, deformation), atom, twist.as_ref(), out) {
-                span = Some(Span { start: 0, end });
+            if self.condensed_column((problem, deformation), atom, twist.as_ref(), out) {
+                any = true;
                 gradient = condensed.plane_of(out);
             }
             at = condensed.rank;
         }
         // How the elementary change moves a target is computed once for all of its rows.
         for rows in self.rows[condensed.corners..].chunk_by(|_, next| next.continues) {
-            let of_target = twist
-                .as_ref()
-                .and_then(|twist| self.target_twist(problem, deformation, atom, twist, &rows[0]));
+            let target = Target::of(&rows[0]);
+            let moved = |twist: &Twist| relative_twist(self, (problem, deformation), atom, twist, &target);
+            let of_target = twist.as_ref().and_then(moved);
             if twist.is_some() && of_target.is_none() {
                 at += rows.iter().map(|row| row.count).sum::<usize>();
                 continue;
@@ -127,39 +98,20 @@ impl FrameWork {
             for row in rows {
                 let value = match &of_target {
                     Some(t) => Some(row.by_world * (t.omega.cross(&row.point) + t.shift)),
-                    None => self.rows_of(problem, row, atom),
+                    None => self.rows_of(row, atom),
                 };
                 if let Some(value) = value {
-                    let end = at + row.count;
-                    span = Some(Span { start: span.map_or(at, |s| s.start), end });
-                    out[at..end].copy_from_slice(&value.as_slice()[..row.count]);
+                    any = true;
+                    out[at..at + row.count].copy_from_slice(&value.as_slice()[..row.count]);
                     gradient += row.plane.tr_mul(&value);
                 }
                 at += row.count;
             }
         }
-        if span.is_some() && self.has_plane {
+        if any && self.has_plane {
             out[at..at + PROJECTED].copy_from_slice((self.plane_inverse_factor * gradient).as_slice());
         }
-        span
-    }
-
-    /// The motion of a row's target against its observer by an atom with this twist; none where it moves neither or both.
-    fn target_twist(
-        &self,
-        problem: &Problem,
-        deformation: &Deformation,
-        atom: Atom,
-        twist: &Twist,
-        row: &Rows,
-    ) -> Option<Twist> {
-        match atom {
-            Atom::BoardMount(_) => {
-                board_motion(problem, row.marker.is_none(), row.measured).map(|sign| twist.times(sign))
-            }
-            Atom::BoardSlip(_) => row.marker.is_none().then_some(*twist),
-            _ => relative_twist(self, (problem, deformation), atom, twist, (row.node, row.observer)),
-        }
+        any
     }
 
     /// The column of a slip by the k-th parameter of its motion (a turn and a shift in its own frame; of a marker a
@@ -178,7 +130,7 @@ impl FrameWork {
             Slipped::Camera => None,
         };
         if let Some(atom) = own {
-            return self.column(problem, deformation, self.frame, atom, out);
+            return self.column(problem, deformation, atom, out);
         }
         out[..self.row_count + PROJECTED].fill(0.0);
         let pose = self.world_from_mount(problem).filter(|_| what == Slipped::Camera);
@@ -201,37 +153,27 @@ impl FrameWork {
         any
     }
 
-    /// A column's rows of the condensed corners; where they end, or none where the atom does not move them.
+    /// Writes a column's rows of the condensed corners; false where the atom does not move them.
     fn condensed_column(
         &self,
         (problem, deformation): (&Problem, &Deformation),
         atom: Atom,
         twist: Option<&Twist>,
         out: &mut [f64],
-    ) -> Option<usize> {
+    ) -> bool {
         let condensed = &self.condensed;
         if let Some(twist) = twist {
-            let node = problem.board_in(self.frame)?.node;
-            let relative = match atom {
-                Atom::BoardMount(_) => board_motion(problem, true, false).map(|sign| twist.times(sign)),
-                Atom::BoardSlip(_) => Some(*twist),
-                _ => {
-                    let between = (node, problem.camera_site.and_then(|s| s.node));
-                    relative_twist(self, (problem, deformation), atom, twist, between)
-                }
-            };
-            return relative.map(|twist| condensed.by_twist(&twist, out));
+            let target = Target::board(problem, self.frame);
+            let moved = target.and_then(|t| relative_twist(self, (problem, deformation), atom, twist, &t));
+            return moved.map(|twist| condensed.by_twist(&twist, out)).is_some();
         }
-        optics_column(atom).filter(|_| condensed.has_optics).map(|k| condensed.by_optics(k, out))
+        let column = optics_column(atom).filter(|_| condensed.has_optics);
+        column.map(|k| condensed.by_optics(k, out)).is_some()
     }
 
     #[inline]
-    fn rows_of(&self, problem: &Problem, row: &Rows, atom: Atom) -> Option<Vector3<f64>> {
+    fn rows_of(&self, row: &Rows, atom: Atom) -> Option<Vector3<f64>> {
         match atom {
-            Atom::MarkerShift(m, k) if row.marker == Some(m) => {
-                let mount = self.poses.site(&problem.marker_mounts[m]).r;
-                Some(row.by_world * mount.column(k))
-            }
             Atom::MarkerImage(k, by) if row.marker.is_some() && !row.measured => {
                 Some(Vector3::ith(k, row.scale * row.in_picture[by]))
             }

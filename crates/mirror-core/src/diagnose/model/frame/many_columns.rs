@@ -3,16 +3,15 @@
 //! An elementary change of the body moves a target by a twist `(ω, s)`, and a row with the derivative b by the target's
 //! position p grows by `b·(ω × p + s) = (p × b)·ω + b·s`: six numbers of the row times six of the column. With the
 //! columns side by side these are sums of six rows, which vector registers add. Columns of the optics are copied; the
-//! few others (free forms, pictures, joints that others follow) are computed by [`FrameWork::column_in`], one by one.
+//! few others (free forms, pictures, joints that others follow) are computed by [`FrameWork::column`], one by one.
 
-use super::columns::{board_motion, motion, optics_column};
+use super::columns::optics_column;
 use super::condensed::MOTION;
 use super::products::{PROJECTED, Table};
-use super::rows::Rows;
+use super::target::Target;
 use super::work::FrameWork;
-use crate::diagnose::model::body::NodeId;
 use crate::diagnose::model::deformation::Deformation;
-use crate::diagnose::model::elementary::{Atom, Twist, body_twist, followers};
+use crate::diagnose::model::elementary::{Atom, followers};
 use crate::diagnose::model::problem::Problem;
 use multiversion::multiversion;
 use nalgebra::Vector3;
@@ -25,32 +24,6 @@ pub(crate) struct Acting {
     /// Its place in the table.
     pub at: usize,
     pub weight: f64,
-}
-
-/// What the signs of columns depend on: the target of a row and its observer.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-struct Target {
-    node: Option<NodeId>,
-    observer: Option<NodeId>,
-    marker: Option<usize>,
-    measured: bool,
-}
-
-impl Target {
-    fn of(row: &Rows) -> Self {
-        Self { node: row.node, observer: row.observer, marker: row.marker, measured: row.measured }
-    }
-
-    /// How an atom with a twist moves it against its observer: 1, −1, or not at all.
-    fn sign(&self, problem: &Problem, atom: Atom) -> f64 {
-        let sign = match atom {
-            Atom::BoardMount(_) => board_motion(problem, self.marker.is_none(), self.measured),
-            Atom::BoardSlip(_) => self.marker.is_none().then_some(1.0),
-            Atom::MarkerShift(m, _) => (self.marker == Some(m)).then_some(1.0),
-            _ => motion(problem, self.node, self.observer, atom),
-        };
-        sign.unwrap_or(0.0)
-    }
 }
 
 /// How each column moves a target.
@@ -93,9 +66,8 @@ impl ManyColumns {
         // These come with their own parts along the plane.
         for column in columns.iter().filter(|c| is_single(problem, c.atom)) {
             self.vector.resize(work.row_count + PROJECTED, 0.0);
-            let span = work.column_in(problem, deformation, work.frame, column.atom, &mut self.vector);
-            if let Some(span) = span {
-                table.write(column.at, &self.vector, span, column.weight);
+            if work.column(problem, deformation, column.atom, &mut self.vector) {
+                table.write(column.at, &self.vector, column.weight);
             }
         }
     }
@@ -116,7 +88,7 @@ impl ManyColumns {
             if is_single(problem, atom) {
                 continue;
             }
-            let Some(twist) = twist_of(work, problem, deformation, atom) else { continue };
+            let Some(twist) = work.twist_of(problem, deformation, atom) else { continue };
             for column in of_atom {
                 self.moving.push((atom, column.at));
                 for k in 0..3 {
@@ -135,14 +107,11 @@ impl ManyColumns {
         let condensed = &work.condensed;
         let mut at = 0;
         if condensed.used {
-            if let Some(board) = problem.board_in(work.frame) {
-                let observer = problem.camera_site.and_then(|s| s.node);
-                let target = Target { node: board.node, observer, marker: None, measured: false };
-                if let Some(signs) = self.find_signs(problem, target) {
-                    for row in 0..condensed.of_motion {
-                        let by = condensed.by_world_twist(row);
-                        write_row(&self.twists, &self.signs[signs].by_place, &by, table.row_mut(row));
-                    }
+            let board = Target::board(problem, work.frame);
+            if let Some(signs) = board.and_then(|target| self.find_signs(problem, target)) {
+                for row in 0..condensed.of_motion {
+                    let by = condensed.by_world_twist(row);
+                    write_row(&self.twists, &self.signs[signs].by_place, &by, table.row_mut(row));
                 }
             }
             at = condensed.rank;
@@ -168,7 +137,9 @@ impl ManyColumns {
     fn find_signs(&mut self, problem: &Problem, target: Target) -> Option<usize> {
         let known = self.signs.iter().position(|signs| signs.of == target).unwrap_or_else(|| {
             let mut by_place = vec![0.0; self.width];
-            self.moving.iter().for_each(|(atom, at)| by_place[*at] = target.sign(problem, *atom));
+            self.moving
+                .iter()
+                .for_each(|(atom, at)| by_place[*at] = target.sign(problem, *atom).unwrap_or(0.0));
             let any = by_place.iter().any(|sign| *sign != 0.0);
             self.signs.push(Signs { of: target, by_place, any });
             self.signs.len() - 1
@@ -208,17 +179,6 @@ fn is_single(problem: &Problem, atom: Atom) -> bool {
     match atom {
         Atom::MarkerImage(..) | Atom::FreeOptics(_) | Atom::FramePose(_) => true,
         _ => !followers(atom, &problem.scene).is_empty(),
-    }
-}
-
-fn twist_of(work: &FrameWork, problem: &Problem, deformation: &Deformation, atom: Atom) -> Option<Twist> {
-    match atom {
-        Atom::BoardMount(_) | Atom::BoardSlip(_) => work.board_twist(problem, deformation, atom),
-        Atom::MarkerShift(m, k) => {
-            let mount = work.poses.site(&problem.marker_mounts[m]).r;
-            Some(Twist::along(mount.column(k).into_owned()))
-        }
-        _ => body_twist(atom, &problem.scene, &work.poses, deformation, work.frame),
     }
 }
 

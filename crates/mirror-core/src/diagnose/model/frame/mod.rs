@@ -23,6 +23,7 @@ mod plane_start;
 mod products;
 mod rows;
 mod sight;
+mod target;
 #[cfg(test)]
 mod tests;
 mod work;
@@ -30,6 +31,6 @@ mod work;
 pub(crate) use board_fit::FEWEST_CORNERS;
 pub(crate) use corners::SeenCorner;
 pub(crate) use many_columns::{Acting, ManyColumns};
-pub(crate) use products::{LANES, PROJECTED, Span, Table, add_products, stride};
+pub(crate) use products::{LANES, PROJECTED, Table, add_products, stride};
 pub(crate) use sight::Wanted;
 pub(crate) use work::{FrameWork, Task};

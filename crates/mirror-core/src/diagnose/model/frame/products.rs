@@ -11,13 +11,6 @@ pub(crate) const LANES: Size = 8;
 /// Rows that are handled at once.
 const ROWS: Size = 4;
 
-/// The rows of a column that are not 0, from `start` to before `end`.
-#[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub(crate) struct Span {
-    pub start: usize,
-    pub end: usize,
-}
-
 /// The columns of one frame, row by row. Their parts along the plane's three parameters are the last rows.
 #[derive(Debug, Default)]
 pub(crate) struct Table {
@@ -100,12 +93,12 @@ impl Table {
         &mut self.values[row * self.stride..(row + 1) * self.stride]
     }
 
-    /// Writes a column, `weight` times a vector that is 0 outside its span.
-    pub fn write(&mut self, column: usize, vector: &[f64], span: Span, weight: f64) {
-        for row in span.start..span.end {
+    /// Writes a column, `weight` times a vector.
+    pub fn write(&mut self, column: usize, vector: &[f64], weight: f64) {
+        let rows = vector.len() - PROJECTED;
+        for row in 0..rows {
             self.values[row * self.stride + column] = weight * vector[row];
         }
-        let rows = vector.len() - PROJECTED;
         for k in 0..PROJECTED {
             self.values[(self.own + k) * self.stride + column] = weight * vector[rows + k];
         }
@@ -172,7 +165,7 @@ mod tests {
                 vector[rows..].iter_mut().for_each(|x| *x = rng.random_range(-0.1..0.1));
             }
             let weight = rng.random_range(0.5..2.0);
-            table.write(column, &vector, Span { start, end }, weight);
+            table.write(column, &vector, weight);
             vector.iter().map(|x| weight * x).collect()
         });
         let written = written.collect();

@@ -49,7 +49,7 @@ pub(super) fn markers(problem: &Problem, deformation: &Deformation, noise: Noise
                 for (m, (h, g)) in out.iter_mut().enumerate() {
                     let mut there = false;
                     for (k, column) in columns.iter_mut().enumerate() {
-                        there |= work.column(problem, deformation, frame, Atom::MarkerShift(m, k), column);
+                        there |= work.column(problem, deformation, Atom::MarkerShift(m, k), column);
                     }
                     if !there {
                         continue;
@@ -96,7 +96,7 @@ pub(super) fn zeros(
         column.resize(rows + PROJECTED, 0.0);
         for (frames, &n) in of_joints.iter_mut().zip(joints) {
             let (mut h, mut g) = (DMatrix::zeros(1, 1), DVector::zeros(1));
-            if seen && work.column(problem, deformation, frame, Atom::Joint(n), &mut column) {
+            if seen && work.column(problem, deformation, Atom::Joint(n), &mut column) {
                 let own = (0..rows).filter(|&i| column[i] != 0.0).map(|i| work.residual[i].powi(2));
                 let weight = 1.0 / (1.0 + own.sum::<f64>() / (FAR * FAR));
                 h[(0, 0)] = weight * inner(&column, &column);
