@@ -99,7 +99,8 @@ pub(crate) fn diagnose(
     options: &DiagnoseOptions,
     others: &[OtherSession],
 ) -> Result<Outcome> {
-    let (problem, stated) = (prepared.problem.clone(), prepared.stated);
+    let (mut problem, stated) = (prepared.problem.clone(), prepared.stated);
+    problem.budget.search_begins();
     let catalogue = options.catalogue(&problem.scene)?;
     let all = Catalogue::with_free_forms(&catalogue, &problem.scene, free_forms(&problem.scene));
     let nominal = Model::nominal(&problem);

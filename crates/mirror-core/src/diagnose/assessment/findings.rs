@@ -1,5 +1,6 @@
 //! Everything that was found, before the report is written.
 
+use crate::diagnose::assessment::resampled::Resampled;
 use crate::diagnose::criteria::cross_validation::PostureGap;
 use crate::diagnose::data::diagnosis::Cause;
 use crate::diagnose::effects::hypothesis::Term;
@@ -34,6 +35,8 @@ pub(crate) struct Findings<'a> {
     pub doubts: Vec<Doubt>,
     /// A step of a joint's zero that is undone in the search's problem, and the session as it was logged.
     pub step: Option<(Step, Problem)>,
+    /// The searches on resampled postures that were made last.
+    pub resampled: Option<Resampled>,
 }
 
 impl Findings<'_> {

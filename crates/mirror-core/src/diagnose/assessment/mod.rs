@@ -12,6 +12,7 @@ pub(super) mod nested;
 pub(super) mod noise_floor;
 pub(super) mod other_session;
 pub(super) mod posture_draws;
+pub(super) mod resampled;
 pub(super) mod stability;
 pub(super) mod survivors;
 pub(super) mod uncertainty;

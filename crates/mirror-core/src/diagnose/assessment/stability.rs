@@ -5,13 +5,13 @@
 //! exactly, have no stability.
 
 use crate::diagnose::assessment::findings::Findings;
-use crate::diagnose::effects::hypothesis::Term;
+use crate::diagnose::assessment::resampled::{MadeFor, Resampled};
 use crate::diagnose::likelihood::factor::log_det;
 use crate::diagnose::likelihood::saturated::postures;
 use crate::diagnose::likelihood::score_test::Score;
 use crate::diagnose::principles::{LEAST_LOG_ODDS, Size};
 use crate::diagnose::selection::competing::Competing;
-use crate::diagnose::selection::linear_scales::InPlace;
+use crate::diagnose::selection::linear_scales::{InPlace, WeighedSet};
 use crate::diagnose::selection::linear_search::LinearSearch;
 use crate::diagnose::selection::reduced_equations::Equations;
 use crate::diagnose::selection::standing::Standing;
@@ -39,29 +39,23 @@ pub(crate) struct Stability {
     pub mounts: Vec<f64>,
 }
 
-/// What a resample's search found.
-struct CameOut {
-    hypotheses: Vec<usize>,
-    /// Each term of the model among its alternatives.
-    terms: Vec<InPlace>,
-    /// Whether each mount is displaced.
-    displaced: Vec<bool>,
-}
-
-/// Repeats the search on resampled postures; `mounts` are columns of the group whose displacement was reported.
+/// How stable the causes are, and the displaced `mounts`: columns of the group whose displacement was reported. The search is repeated on
+/// resampled postures, unless that was done for the same causes before.
 ///
 /// # Errors
 /// Invalid parameters of the camera or mirror.
 pub(crate) fn stability(
-    findings: &Findings<'_>,
+    findings: &mut Findings<'_>,
     standings: &[Option<Standing>],
     ranking: &[Score],
     mounts: &[Vec<usize>],
 ) -> Result<Stability> {
-    let model = &findings.found.fit.model;
-    let named = model.terms.iter().filter(|t| !findings.search.catalogue.is_free(t.hypothesis)).count();
-    if named == 0 && mounts.is_empty() {
-        let none = vec![None; model.terms.len()];
+    let catalogue = findings.search.catalogue;
+    let hypotheses: Vec<usize> = findings.found.fit.model.terms.iter().map(|t| t.hypothesis).collect();
+    let named = |i: usize| !catalogue.is_free(hypotheses[i]);
+    let count = hypotheses.len();
+    if !(0..count).any(named) && mounts.is_empty() {
+        let none = vec![None; count];
         return Ok(Stability {
             terms: none.clone(),
             posterior: none.clone(),
@@ -69,12 +63,63 @@ pub(crate) fn stability(
             mounts: Vec::new(),
         });
     }
-    let order = postures(&findings.search.problem);
+    let (geometry, fit) = (findings.geometry.as_ref(), &findings.found.fit);
+    let made_for = MadeFor::of(&fit.model, standings, geometry, findings.found.noise);
+    let resampled = match findings.resampled.take().filter(|made| made.made_for == made_for) {
+        Some(same) => same,
+        None => resampled(findings, made_for, standings, ranking)?,
+    };
+    let rivals = &resampled.made_for.rivals;
+    let whole = &resampled.whole;
+    let found = |set: &WeighedSet, h: usize| set.set.iter().any(|&c| whole.candidates[c].hypothesis == h);
+    // A search in which numbers overflow says nothing.
+    let of_search = |set: &WeighedSet| -> Option<CameOut> {
+        let of = |i: usize| whole.in_place(set, hypotheses[i], &rivals[i]);
+        let or_rival = |i: usize| found(set, hypotheses[i]) || rivals[i].iter().any(|&h| found(set, h));
+        Some(CameOut {
+            terms: (0..count).map(of).collect::<Option<_>>()?,
+            or_rivals: (0..count).map(or_rival).collect(),
+            displaced: displaced(whole, &set.scaled.equations, &set.set, mounts)?,
+        })
+    };
+    let came_out: Vec<CameOut> = resampled.sets.par_iter().filter_map(of_search).collect();
+    let total = came_out.len().max(1) as f64;
+    let mean = |of: &dyn Fn(&CameOut) -> f64| came_out.iter().map(of).sum::<f64>() / total;
+    let share = |of: &dyn Fn(&CameOut) -> bool| mean(&|r| f64::from(u8::from(of(r))));
+    let stability = Stability {
+        terms: (0..count).map(|i| named(i).then(|| share(&|r| r.terms[i].comes_out))).collect(),
+        posterior: (0..count).map(|i| named(i).then(|| mean(&|r| r.terms[i].probability))).collect(),
+        or_rivals: (0..count).map(|i| named(i).then(|| share(&|r| r.or_rivals[i]))).collect(),
+        mounts: (0..mounts.len()).map(|k| share(&|r| r.displaced[k])).collect(),
+    };
+    findings.resampled = Some(resampled);
+    Ok(stability)
+}
+
+/// How the causes and mounts stand in what a resample's search found.
+struct CameOut {
+    /// Each term of the model among its alternatives.
+    terms: Vec<InPlace>,
+    /// Whether each or one of its alternatives was found.
+    or_rivals: Vec<bool>,
+    /// Whether each mount is displaced.
+    displaced: Vec<bool>,
+}
+
+/// Repeats the search on resampled postures.
+fn resampled(
+    findings: &Findings<'_>,
+    made_for: MadeFor,
+    standings: &[Option<Standing>],
+    ranking: &[Score],
+) -> Result<Resampled> {
+    let problem = &findings.search.problem;
+    let order = postures(problem);
     let size = order.len().div_ceil(MOST_BLOCKS).max(1);
     let blocks: Vec<Vec<usize>> = order.chunks(size).map(|postures| postures.concat()).collect();
     let count = blocks.len();
     let whole = LinearSearch::new(
-        (&findings.search, model, findings.found.noise),
+        (&findings.search, &findings.found.fit.model, findings.found.noise),
         findings.geometry.as_ref(),
         &Competing::of(standings, ranking),
         &blocks,
@@ -89,45 +134,17 @@ pub(crate) fn stability(
             })
             .collect()
     };
-    let rivals_of = |i: usize| -> Vec<usize> {
-        standings.get(i).into_iter().flatten().flat_map(|s| &s.rivals).map(|r| r.hypothesis).collect()
+    let searched = |weights: Vec<f64>| {
+        if problem.cancel.is_cancelled() { None } else { whole.search(&whole.sum(&weights)) }
     };
-    let rivals: Vec<Vec<usize>> = (0..model.terms.len()).map(rivals_of).collect();
-    let came_out: Vec<CameOut> = draws
-        .into_par_iter()
-        .filter_map(|weights| {
-            if findings.search.problem.cancel.is_cancelled() {
-                return None;
-            }
-            let weighed = whole.search(&whole.sum(&weights))?;
-            let hypotheses = weighed.set.iter().map(|&c| whole.candidates[c].hypothesis).collect();
-            let of = |(i, term): (usize, &Term)| whole.in_place(&weighed, term.hypothesis, &rivals[i]);
-            let terms = model.terms.iter().enumerate().map(of).collect::<Option<_>>()?;
-            let displaced = displaced(&whole, &weighed.scaled.equations, &weighed.set, mounts)?;
-            Some(CameOut { hypotheses, terms, displaced })
-        })
-        .collect();
-    findings.search.problem.cancel.check()?;
-    let total = came_out.len().max(1) as f64;
-    let mean = |of: &dyn Fn(&CameOut) -> f64| came_out.iter().map(of).sum::<f64>() / total;
-    let share = |of: &dyn Fn(&CameOut) -> bool| mean(&|r| f64::from(u8::from(of(r))));
-    let or_rivals = |i: usize| {
-        let of_it = |h: &usize| *h == model.terms[i].hypothesis || rivals[i].contains(h);
-        share(&|r| r.hypotheses.iter().any(of_it))
-    };
-    let named = |i: usize| !findings.search.catalogue.is_free(model.terms[i].hypothesis);
-    let count = model.terms.len();
-    Ok(Stability {
-        terms: (0..count).map(|i| named(i).then(|| share(&|r| r.terms[i].comes_out))).collect(),
-        posterior: (0..count).map(|i| named(i).then(|| mean(&|r| r.terms[i].probability))).collect(),
-        or_rivals: (0..count).map(|i| named(i).then(|| or_rivals(i))).collect(),
-        mounts: (0..mounts.len()).map(|k| share(&|r| r.displaced[k])).collect(),
-    })
+    let sets: Vec<WeighedSet> = draws.into_par_iter().filter_map(searched).collect();
+    problem.cancel.check()?;
+    Ok(Resampled { made_for, whole, sets })
 }
 
 /// Whether each mount is displaced: the Bayes factor of its values against none, by Savage and Dickey.
 fn displaced(
-    whole: &LinearSearch<'_>,
+    whole: &LinearSearch,
     equations: &Equations,
     set: &[usize],
     mounts: &[Vec<usize>],
@@ -137,12 +154,14 @@ fn displaced(
     }
     let (factor, indices) = whole.factor(equations, set)?;
     let mean = factor.solve(&DVector::from_fn(indices.len(), |i, _| equations.1[indices[i]]));
-    let covariance = factor.inverse();
     let position: HashMap<usize, usize> = indices.iter().enumerate().map(|(k, i)| (*i, k)).collect();
     let of_mount = |columns: &Vec<usize>| -> Option<bool> {
         let at: Vec<usize> =
             columns.iter().map(|c| position.get(&(whole.first_group + c)).copied()).collect::<Option<_>>()?;
-        let own = DMatrix::from_fn(at.len(), at.len(), |i, j| covariance[(at[i], at[j])]).cholesky()?;
+        // A block of (L Lᵀ)⁻¹ by columns of L⁻¹.
+        let units = DMatrix::from_fn(mean.len(), at.len(), |i, j| f64::from(u8::from(i == at[j])));
+        let columns = factor.l_dirty().solve_lower_triangular(&units)?;
+        let own = columns.tr_mul(&columns).cholesky()?;
         let values = DVector::from_fn(at.len(), |i, _| mean[at[i]]);
         Some(0.5 * (values.dot(&own.solve(&values)) + log_det(&own)) >= LEAST_LOG_ODDS)
     };

@@ -36,7 +36,8 @@ use crate::error::Result;
 /// # Errors
 /// Invalid parameters of the camera or mirror.
 pub(crate) fn keep_survivors(findings: &mut Findings<'_>, ranking: &[Score]) -> Result<()> {
-    let found_again = stability(findings, &findings.standings, ranking, &[])?;
+    let standings = findings.standings.clone();
+    let found_again = stability(findings, &standings, ranking, &[])?;
     let mut shares = found_again.or_rivals;
     let mut posterior = found_again.posterior;
     // The alternative of a possible small error is that it is one: if other causes replace it, it counts as not

@@ -119,6 +119,7 @@ pub(crate) fn weighed<'a>(
         mistakes: prepared.mistakes().to_vec(),
         doubts,
         step: None,
+        resampled: None,
     })
 }
 

@@ -2,11 +2,12 @@
 
 use crate::diagnose::model::camera_and_mirror::FootPoints;
 use crate::diagnose::model::deformation::Deformation;
-use crate::diagnose::model::elementary::{Atom, Column, Weight};
+use crate::diagnose::model::elementary::{Atom, Column};
 use crate::diagnose::model::frame::{
     Acting, FrameWork, LANES, ManyColumns, PROJECTED, Table, Task, Wanted, add_products, stride,
 };
 use crate::diagnose::model::problem::{FRAMES_A_CHUNK, Noise, Problem};
+use crate::diagnose::model::work_budget::Effort;
 use crate::diagnose::principles::Size;
 use crate::error::Result;
 use nalgebra::{DMatrix, DVector, Vector3};
@@ -85,23 +86,6 @@ fn moves_board(problem: &Problem, atom: Atom, board: Option<usize>) -> bool {
     crate::diagnose::model::elementary::moves_against(atom, &problem.scene, board, camera)
 }
 
-impl Problem {
-    /// Counts the work of linearising the frames that count by so many columns.
-    pub(crate) fn spend(&self, with_board: bool, columns: usize, mask: Option<&[bool]>) {
-        let frames = || self.frames.iter().enumerate().filter(|(f, _)| counts(mask, *f)).map(|f| f.1);
-        let corners: usize = if with_board { frames().map(|f| f.corners.len()).sum() } else { 0 };
-        self.budget.spend(frames().count(), corners, columns);
-    }
-}
-
-/// How many of the columns act in one frame at most: of the knots of a joint's transmission two.
-fn acting(columns: &[Column]) -> usize {
-    let knots = columns.iter().filter(|c| matches!(c.weight, Weight::Knot(..)));
-    let mut joints: Vec<Atom> = knots.clone().map(|c| c.atom).collect();
-    joints.dedup();
-    columns.len() - knots.count() + 2 * joints.len()
-}
-
 /// Whether a frame counts.
 pub(crate) fn counts(mask: Option<&[bool]>, frame: usize) -> bool {
     mask.is_none_or(|m| m[frame])
@@ -154,11 +138,12 @@ impl Normal {
                 },
             )
             .collect();
-        problem.spend(with_board, acting(columns), mask);
         let mut total = Sums::zeros(count);
         for chunk in chunks {
             total.add(chunk);
         }
+        let equations = Effort::Equations(count);
+        problem.budget.spend_ns(total.spent_ns + equations.nanoseconds());
         Ok(total.into_normal())
     }
 }
@@ -170,22 +155,24 @@ struct Sums {
     products: Vec<f64>,
     cost: f64,
     planes: Planes,
+    spent_ns: u64,
 }
 
 impl Sums {
     fn zeros(count: usize) -> Self {
         let products = vec![0.0; (count + 1) * stride(count + 1)];
-        Self { count, products, cost: 0.0, planes: Planes::default() }
+        Self { count, products, cost: 0.0, planes: Planes::default(), spent_ns: 0 }
     }
 
     /// Of no frame that counts.
     fn none(count: usize) -> Self {
-        Self { count, products: Vec::new(), cost: 0.0, planes: Planes::default() }
+        Self { count, products: Vec::new(), cost: 0.0, planes: Planes::default(), spent_ns: 0 }
     }
 
     fn add(&mut self, other: Self) {
         self.products.iter_mut().zip(&other.products).for_each(|(a, b)| *a += b);
         self.cost += other.cost;
+        self.spent_ns += other.spent_ns;
         self.planes.feet.extend(other.planes.feet);
         self.planes.by_parameter.extend(other.planes.by_parameter);
     }
@@ -280,6 +267,7 @@ impl Scratch {
         }
         let Self { work, columns, table, acting, which, products } = self;
         table.clear(last + 1, work.row_count);
+        sum.spent_ns += Effort::Rows { rows: work.row_count, columns: acting.len() }.nanoseconds();
         columns.write(work, (problem, task.deformation), acting, table);
         if with_plane {
             for (column, i) in acting.iter().zip(which.iter()) {

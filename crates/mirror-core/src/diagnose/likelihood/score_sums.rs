@@ -15,6 +15,7 @@ use crate::diagnose::model::frame::{
     Acting, FrameWork, ManyColumns, PROJECTED, Table, Task, Wanted, add_products, stride,
 };
 use crate::diagnose::model::problem::{Noise, Problem};
+use crate::diagnose::model::work_budget::Effort;
 use crate::error::Result;
 use multiversion::multiversion;
 use nalgebra::{DMatrix, DVector};
@@ -93,7 +94,11 @@ impl ScoreSums {
             planes: model.planes.as_deref().map(Vec::as_slice),
             condensed: true,
         };
-        problem.spend(with_board, count + first.atoms.len() + of_free_optics.atoms.len(), mask);
+        let frames = (0..problem.frames.len()).filter(|f| counts(mask, *f)).count();
+        for of in [&first, &of_free_optics] {
+            let (hypotheses, products) = (of.list.len(), count * of.atoms.len());
+            problem.budget.spend(Effort::Screened { frames, hypotheses, products });
+        }
         let total = first.summed(problem, &task, &active.columns, mask);
         let at = |i: usize, j: usize| total.base[i.max(j) * stride(count + 1) + i.min(j)];
         let (h, g) = (DMatrix::from_fn(count, count, at), DVector::from_fn(count, |i, _| at(i, count)));

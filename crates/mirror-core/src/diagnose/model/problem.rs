@@ -217,10 +217,6 @@ impl Problem {
             })
             .collect();
         let pixel_std = recording.pixel_std_px.unwrap_or(0.25);
-        // Free mounts: of board, camera and markers where they are mounted, and the joints' zeros.
-        let joints = scene.relevant.iter().filter(|r| **r).count();
-        let setup = 12 + 3 * recording.markers.len() + joints;
-        let corners_seen = frames.iter().map(|f| f.corners.len()).sum();
         Ok(Self {
             frames,
             posture: recording.frames.iter().map(|f| f.posture).collect(),
@@ -250,7 +246,7 @@ impl Problem {
             false_corners: Vec::new(),
             between_camera_and_board,
             cancel: Cancel::default(),
-            budget: WorkBudget::of(recording.frames.len(), corners_seen, setup),
+            budget: WorkBudget::of(recording.frames.len()),
             progress: Progress::default(),
             scene,
         })

@@ -29,11 +29,14 @@ use crate::error::Result;
 /// Values and variances of the group's parameters.
 type Values = (Vec<f64>, Vec<f64>);
 
+/// The scale of each kind of small errors, in its own unit.
+pub(crate) type Spreads = [f64; KINDS];
+
 /// The group and its spreads.
 #[derive(Debug, Clone)]
 pub(crate) struct Geometry {
     pub group: Group,
-    spreads: [f64; KINDS],
+    spreads: Spreads,
     /// The tolerances that the session states, column by column.
     stated: Vec<Option<f64>>,
     /// What a spread of 1 is in each column's own unit.
@@ -198,6 +201,16 @@ impl Geometry {
     /// Whether there are errors of a kind in it.
     pub fn has(&self, kind: Kind) -> bool {
         self.group.columns.iter().any(|c| Kind::of(c) == kind)
+    }
+
+    pub fn spreads(&self) -> Spreads {
+        self.spreads
+    }
+
+    /// At other spreads.
+    pub fn set_spreads(&mut self, spreads: &Spreads) {
+        self.spreads = *spreads;
+        self.set_priors();
     }
 
     /// By how much the spreads differ from another group's, log.

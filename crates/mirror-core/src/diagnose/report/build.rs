@@ -117,7 +117,7 @@ pub(crate) fn diagnosis(
 
 /// Adds its stability to each cause that was found by the score test.
 fn add_stability(
-    findings: &Findings<'_>,
+    findings: &mut Findings<'_>,
     standings: &[Option<Standing>],
     ranking: &[Score],
     (causes, parts): (&mut [Cause], &[Part]),

@@ -1,13 +1,17 @@
 //! Sets of causes in one linear model, each with the scales of small errors everywhere that it leaves.
 
 use crate::diagnose::likelihood::factor::{cholesky, variances};
+use crate::diagnose::model::work_budget::Effort;
 use crate::diagnose::principles::Guard;
+use crate::diagnose::random_effects::geometric_tolerances::Spreads;
 use crate::diagnose::selection::linear_search::{LinearSearch, is_same_set};
 use crate::diagnose::selection::reduced_equations::{Equations, Reduced};
 use nalgebra::{DMatrix, DVector};
 
 /// Normal equations at scales that were learned, and the same with what is always free eliminated.
 pub(crate) struct Scaled {
+    /// Those of the small errors everywhere.
+    spreads: Option<Spreads>,
     pub equations: Equations,
     pub reduced: Reduced,
 }
@@ -36,24 +40,24 @@ impl InPlace {
 /// Log posterior odds nearer to each other than this are equal.
 const AS_PROBABLE: Guard = 1e-6;
 
-impl LinearSearch<'_> {
+impl LinearSearch {
     /// The causes that the search finds from nothing or from those that were found, whichever are more probable,
     /// with the normal equations at the scales that the resample has with them. Adding one cause at a time may end
     /// at two causes that only imitate two others; the whole search avoids that by additional start points.
     pub fn search(&self, resample: &Equations) -> Option<WeighedSet> {
         // Where a search ends, and the scales there if it ends where it began.
-        let end_from = |start: Vec<usize>| -> Option<(Vec<usize>, Option<Scaled>)> {
-            let scaled = self.with_spreads(resample, &start)?;
+        let end_from = |start: Vec<usize>, from: Option<Spreads>| -> Option<(Vec<usize>, Scaled, bool)> {
+            let scaled = self.with_spreads(resample, &start, from)?;
             let set = self.searched(&scaled.reduced, start.clone())?;
             let stayed = is_same_set(&set, &start);
-            Some((set, stayed.then_some(scaled)))
+            Some((set, scaled, stayed))
         };
-        let weighed = |(set, scaled): (Vec<usize>, Option<Scaled>)| match scaled {
-            Some(scaled) => self.weighed(set, scaled),
-            None => self.with_scales(resample, set),
+        let weighed = |(set, scaled, stayed): (Vec<usize>, Scaled, bool)| {
+            let scaled = if stayed { scaled } else { self.with_spreads(resample, &set, scaled.spreads)? };
+            self.weighed(set, scaled)
         };
-        let found = weighed(end_from((0..self.found).collect())?)?;
-        let from_nothing = end_from(Vec::new())?;
+        let found = weighed(end_from((0..self.found).collect(), None)?)?;
+        let from_nothing = end_from(Vec::new(), self.spreads_of_nothing())?;
         // Mostly both ways end at the same causes.
         if is_same_set(&from_nothing.0, &found.set) {
             return Some(found);
@@ -90,8 +94,14 @@ impl LinearSearch<'_> {
 
     /// A set with the scales that it leaves; none where numbers overflow.
     pub fn with_scales(&self, whole: &Equations, set: Vec<usize>) -> Option<WeighedSet> {
-        let scaled = self.with_spreads(whole, &set)?;
+        let scaled = self.with_spreads(whole, &set, None)?;
         self.weighed(set, scaled)
+    }
+
+    /// The scales without any cause, on all postures: where those of a resample begin.
+    fn spreads_of_nothing(&self) -> Option<Spreads> {
+        let all = || self.with_learned(&self.sum(&vec![1.0; self.parts.len()]), &[], None);
+        *self.without_causes.get_or_init(|| all()?.1)
     }
 
     /// A set with scales that were learned with it.
@@ -101,43 +111,59 @@ impl LinearSearch<'_> {
     }
 
     /// The normal equations with the scales of small errors everywhere that the data have with some causes.
-    /// Scales that were estimated with the causes found would leave no room for what these causes explain. None where
-    /// numbers overflow.
-    pub(super) fn with_spreads(&self, whole: &Equations, causes: &[usize]) -> Option<Scaled> {
-        let equations = self.with_learned(whole, causes);
-        Some(Scaled { reduced: Reduced::of(&equations, &self.always)?, equations })
+    /// Scales that were estimated with the causes found would leave no room for what these causes explain. They are learned step by step,
+    /// `from` others or those of the model. None where numbers overflow.
+    pub(super) fn with_spreads(
+        &self,
+        whole: &Equations,
+        causes: &[usize],
+        from: Option<Spreads>,
+    ) -> Option<Scaled> {
+        let (equations, spreads) = self.with_learned(whole, causes, from)?;
+        Some(Scaled { reduced: Reduced::of(&equations, &self.always)?, equations, spreads })
     }
 
-    /// The equations in the units of the scales learned.
-    fn with_learned(&self, (m, b): &Equations, causes: &[usize]) -> Equations {
-        let Some((geometry, first)) = self.geometry else { return (m.clone(), b.clone()) };
-        let group = first..first + geometry.group.columns.len();
-        // By how much the units of all parameters change, and the equations of some of them in these.
+    /// The equations in the units of the scales learned, and these.
+    ///
+    /// A scale only changes the units of the small errors: what is free besides is eliminated once, and each step
+    /// from scales to scales has as many unknowns as there are small errors.
+    fn with_learned(
+        &self,
+        whole: &Equations,
+        causes: &[usize],
+        from: Option<Spreads>,
+    ) -> Option<(Equations, Option<Spreads>)> {
+        let Some((geometry, first)) = &self.geometry else { return Some((whole.clone(), None)) };
+        let group: Vec<usize> = (*first..first + geometry.group.columns.len()).collect();
+        let mut others = self.indices(causes);
+        others.retain(|i| !group.contains(i));
+        let of_group = Reduced::onto(whole, &group, &others)?;
+        let (m, b) = of_group.equations();
         let units = |prior_std: &[f64]| -> Vec<f64> {
-            let mut units = vec![1.0; b.len()];
-            group.clone().zip(prior_std).for_each(|(i, std)| units[i] = std / self.std[i]);
-            units
+            prior_std.iter().zip(&group).map(|(std, &i)| std / self.std[i]).collect()
         };
-        let rescaled = |units: &[f64], of: &[usize]| -> Equations {
-            let among = DMatrix::from_fn(of.len(), of.len(), |i, j| {
-                let one = if i == j { 1.0 } else { 0.0 };
-                (m[(of[i], of[j])] - one) * units[of[i]] * units[of[j]] + one
-            });
-            (among, DVector::from_fn(of.len(), |i, _| b[of[i]] * units[of[i]]))
-        };
-        // What is always free comes first and in order, so that the group has the same indices everywhere.
-        let free = self.indices(causes);
         let posterior = |prior_std: &[f64]| {
-            let (m, b) = rescaled(&units(prior_std), &free);
-            let factor = cholesky(m)?;
-            let mean = factor.solve(&b);
-            let values = group.clone().zip(prior_std).map(|(i, std)| std * mean[i]).collect();
-            let variances = variances(&factor, group.clone()).into_iter();
+            let units = units(prior_std);
+            self.budget.spend(Effort::Equations(b.len()));
+            let factor = cholesky(in_units(m, &units))?;
+            let mean = factor.solve(&DVector::from_fn(b.len(), |i, _| b[i] * units[i]));
+            let values = mean.iter().zip(prior_std).map(|(mean, std)| std * mean).collect();
+            let variances = variances(&factor, 0..b.len()).into_iter();
             let variances = variances.zip(prior_std).map(|(v, std)| std * std * v).collect();
             Some((values, variances))
         };
         let mut learned = geometry.clone();
+        from.iter().for_each(|from| learned.set_spreads(from));
         learned.learned_from(&posterior);
-        rescaled(&units(&learned.group.prior_std), &(0..b.len()).collect::<Vec<_>>())
+        let mut of_all = vec![1.0; whole.1.len()];
+        group.iter().zip(units(&learned.group.prior_std)).for_each(|(&i, unit)| of_all[i] = unit);
+        let b = DVector::from_fn(of_all.len(), |i, _| whole.1[i] * of_all[i]);
+        Some(((in_units(&whole.0, &of_all), b), Some(learned.spreads())))
     }
+}
+
+/// `M = I + S H S` where the priors' deviations S are multiplied by these.
+fn in_units(m: &DMatrix<f64>, units: &[f64]) -> DMatrix<f64> {
+    let one = |i: usize, j: usize| if i == j { 1.0 } else { 0.0 };
+    DMatrix::from_fn(m.nrows(), m.ncols(), |i, j| (m[(i, j)] - one(i, j)) * units[i] * units[j] + one(i, j))
 }

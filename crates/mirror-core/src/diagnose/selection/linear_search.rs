@@ -14,8 +14,9 @@ use crate::diagnose::likelihood::factor::cholesky;
 use crate::diagnose::likelihood::fit::Active;
 use crate::diagnose::likelihood::normal_equations::{Normal, changes_sight};
 use crate::diagnose::model::problem::{Noise, Problem};
+use crate::diagnose::model::work_budget::WorkBudget;
 use crate::diagnose::principles::{LOG_PRIOR_SAME_PLACE, Size};
-use crate::diagnose::random_effects::geometric_tolerances::Geometry;
+use crate::diagnose::random_effects::geometric_tolerances::{Geometry, Spreads};
 use crate::diagnose::random_effects::law_discrepancy::slack_of_each;
 use crate::diagnose::selection::competing::Competing;
 use crate::diagnose::selection::reduced_equations::{Base, Equations, Factor, Reduced};
@@ -23,6 +24,7 @@ use crate::diagnose::selection::search::Search;
 use crate::error::Result;
 use core::ops::Range;
 use nalgebra::{DMatrix, DVector};
+use std::sync::OnceLock;
 
 /// Largest number of causes that a search adds to those that were found.
 const MORE_CAUSES: Size = 2;
@@ -47,8 +49,8 @@ impl Candidate {
 }
 
 /// The model in normal equations of parts of the postures, in units of the priors' deviations.
-pub(crate) struct LinearSearch<'a> {
-    parts: Vec<Equations>,
+pub(crate) struct LinearSearch {
+    pub(super) parts: Vec<Equations>,
     /// Parameters that are always free.
     pub always: Vec<usize>,
     /// The causes that were found first, so many.
@@ -59,9 +61,11 @@ pub(crate) struct LinearSearch<'a> {
     /// The prior deviations, and the small errors everywhere whose scales each resample estimates anew, with their
     /// first index.
     pub(super) std: Vec<f64>,
-    pub(super) geometry: Option<(&'a Geometry, usize)>,
+    pub(super) geometry: Option<(Geometry, usize)>,
     /// Where the group's parameters begin.
     pub first_group: usize,
+    pub(super) budget: WorkBudget,
+    pub(super) without_causes: OnceLock<Option<Spreads>>,
 }
 
 /// The small errors everywhere beside which sets of causes are compared in linear models, where pictures show the noise.
@@ -75,7 +79,7 @@ pub(super) fn is_same_set(one: &[usize], other: &[usize]) -> bool {
     one.len() == other.len() && one.iter().all(|member| other.contains(member))
 }
 
-impl<'a> LinearSearch<'a> {
+impl LinearSearch {
     /// A model that was found, linearised on each part of the postures (given as frames), with the columns of
     /// `competing` hypotheses, the most promising first.
     ///
@@ -83,7 +87,7 @@ impl<'a> LinearSearch<'a> {
     /// Invalid parameters of the camera or mirror.
     pub fn new(
         (search, found_model, noise): (&Search<'_>, &Model, Noise),
-        geometry: Option<&'a Geometry>,
+        geometry: Option<&Geometry>,
         competing: &Competing,
         parts: &[Vec<usize>],
     ) -> Result<Self> {
@@ -169,7 +173,7 @@ impl<'a> LinearSearch<'a> {
         let first_group = active.first_group;
         // The scales of mounts have fixed priors, and causes are searched with these.
         let of_model = |g: &&Geometry| !g.setup_only && g.group.columns.len() <= model.group.len();
-        let geometry = geometry.filter(of_model).map(|g| (g, first_group));
+        let geometry = geometry.filter(of_model).map(|g| (g.clone(), first_group));
         Ok(Self {
             parts: equations,
             always,
@@ -180,6 +184,8 @@ impl<'a> LinearSearch<'a> {
             std,
             geometry,
             first_group,
+            budget: problem.budget.clone(),
+            without_causes: OnceLock::new(),
         })
     }
 

@@ -56,7 +56,7 @@ pub(super) fn linear_standings(
 
 /// The probability of a cause, of alternatives in its place, and of nothing there; none where numbers overflow.
 fn standing(
-    linear: &LinearSearch<'_>,
+    linear: &LinearSearch,
     reduced: &Reduced,
     place: usize,
     rivals: &[(usize, f64)],

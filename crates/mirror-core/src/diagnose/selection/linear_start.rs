@@ -50,7 +50,7 @@ pub(crate) fn linear_start(
 }
 
 /// The set that the search ends at from another; none where numbers overflow.
-fn most_probable(linear: &LinearSearch<'_>, whole: &Equations, start: Vec<usize>) -> Option<WeighedSet> {
+fn most_probable(linear: &LinearSearch, whole: &Equations, start: Vec<usize>) -> Option<WeighedSet> {
     let mut best = linear.with_scales(whole, start)?;
     for _ in 0..MOST_SETS {
         let next = linear.searched(&best.scaled.reduced, best.set.clone())?;
@@ -66,7 +66,7 @@ fn most_probable(linear: &LinearSearch<'_>, whole: &Equations, start: Vec<usize>
 }
 
 /// The set with the cause that is most probable at the scales that it leaves; none where it is better without.
-fn with_one_more(linear: &LinearSearch<'_>, whole: &Equations, than: &WeighedSet) -> Option<WeighedSet> {
+fn with_one_more(linear: &LinearSearch, whole: &Equations, than: &WeighedSet) -> Option<WeighedSet> {
     if than.set.len() >= linear.most_causes {
         return None;
     }

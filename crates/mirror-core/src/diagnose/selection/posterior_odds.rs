@@ -98,7 +98,9 @@ impl Search<'_> {
         let (group, start) = self.loosened(&fit.model, Some(i));
         let options = FitOptions { noise, steps: 0 };
         let here = Linearised::at(&self.problem, self.catalogue, &group, &start, options, self.mask)?;
-        if let Some(odds) = self.clear_odds(&fit.model, i, &here, here.of_term(&start, i)) {
+        let linear = self.linear_odds(&fit.model, i, &here, here.of_term(&start, i));
+        // At the limit of work the linear model decides.
+        if let Some(odds) = linear.filter(|odds| is_clear(*odds) || self.problem.budget.is_spent()) {
             return Ok(odds);
         }
         let found = self.fit_with_slack(&fit.model, Some(i), noise, SOLVER.final_steps)?;
@@ -114,16 +116,19 @@ impl Search<'_> {
     /// The odds of the linearised model if they are beyond doubt, from the sums at the model.
     pub(super) fn odds_beyond_doubt(&self, model: &Model, i: usize, sums: &ScoredModel) -> Option<f64> {
         let (here, own) = sums.in_question(i)?;
-        self.clear_odds(model, i, &here, own)
+        self.linear_odds(model, i, &here, own).filter(|odds| is_clear(*odds))
     }
 
-    /// The odds of the linearised model if they are beyond doubt; then no fit is needed. They are evaluated at the
-    /// largest and the smallest tolerated size, and the stronger evidence against the cause is used.
-    fn clear_odds(&self, model: &Model, i: usize, here: &Linearised, own: Range<usize>) -> Option<f64> {
+    /// The odds of the linearised model, evaluated at the largest and the smallest tolerated size: the stronger evidence against the
+    /// cause is used. None where numbers overflow.
+    fn linear_odds(&self, model: &Model, i: usize, here: &Linearised, own: Range<usize>) -> Option<f64> {
         let found = here.log_evidence(own.clone(), 1.0)?;
         let [large, small] = [PRIOR_TOLERANCE, NEGLIGIBLE].map(|scale| here.log_evidence(own.clone(), scale));
-        let odds = found + self.log_prior_of(model, i) - large?.max(small?);
-        // An exact fit would still be beyond doubt.
-        (odds > 2.0 * BEYOND_DOUBT).then_some(odds)
+        Some(found + self.log_prior_of(model, i) - large?.max(small?))
     }
+}
+
+/// Whether odds of a linear model are such that those of exact fits would be beyond doubt too: these are not needed then.
+fn is_clear(odds: f64) -> bool {
+    odds > 2.0 * BEYOND_DOUBT
 }

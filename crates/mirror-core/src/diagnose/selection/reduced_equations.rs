@@ -34,25 +34,34 @@ pub(crate) struct Added {
 
 impl Reduced {
     /// With some unknowns eliminated; none where numbers overflow.
-    pub fn of((m, b): &Equations, eliminated: &[usize]) -> Option<Self> {
-        let mut at = vec![Some(0); b.len()];
-        eliminated.iter().for_each(|&i| at[i] = None);
-        let left: Vec<usize> = (0..b.len()).filter(|&i| at[i].is_some()).collect();
+    pub fn of(equations: &Equations, eliminated: &[usize]) -> Option<Self> {
+        let left: Vec<usize> = (0..equations.1.len()).filter(|i| !eliminated.contains(i)).collect();
+        Self::onto(equations, &left, eliminated)
+    }
+
+    /// Of some unknowns, in their order, with some others eliminated and the rest held at 0; none where numbers overflow.
+    pub fn onto((m, b): &Equations, left: &[usize], eliminated: &[usize]) -> Option<Self> {
+        let mut at = vec![None; b.len()];
         left.iter().enumerate().for_each(|(k, &i)| at[i] = Some(k));
         let part = |rows: &[usize], columns: &[usize]| {
             DMatrix::from_fn(rows.len(), columns.len(), |i, j| m[(rows[i], columns[j])])
         };
         let of = |rows: &[usize]| DVector::from_fn(rows.len(), |i, _| b[rows[i]]);
         let factor = cholesky(part(eliminated, eliminated))?;
-        let across = factor.l_dirty().solve_lower_triangular(&part(eliminated, &left))?;
+        let across = factor.l_dirty().solve_lower_triangular(&part(eliminated, left))?;
         let solved = factor.l_dirty().solve_lower_triangular(&of(eliminated))?;
         let of_eliminated = 0.5 * solved.norm_squared() - 0.5 * log_det(&factor);
         Some(Self {
-            m: part(&left, &left) - across.tr_mul(&across),
-            b: of(&left) - across.tr_mul(&solved),
+            m: part(left, left) - across.tr_mul(&across),
+            b: of(left) - across.tr_mul(&solved),
             at,
             of_eliminated,
         })
+    }
+
+    /// The equations that are left.
+    pub fn equations(&self) -> (&DMatrix<f64>, &DVector<f64>) {
+        (&self.m, &self.b)
     }
 
     /// The equations of some unknowns, by their indices in the whole equations; none where numbers overflow.

@@ -28,7 +28,10 @@ pub(super) fn linear_rounds(
 ) -> Result<Option<Found>> {
     let mut trace = Vec::new();
     let mut known = alone.fit.model.terms.clone();
-    for _ in 0..MOST_ROUNDS {
+    for round in 0..MOST_ROUNDS {
+        if round > 0 && search.problem.budget.is_spent() {
+            break;
+        }
         let options = FitOptions { noise: search.effective(&start.model)?, steps: 4 };
         let before = geometry.clone();
         // Scales and noise first: what the scatter of single causes hides is no choice yet.
@@ -81,7 +84,8 @@ pub(super) fn one_at_a_time(
         found.fit =
             geometry.fit(&search.problem, search.catalogue, &found.fit.model, options, search.mask)?;
         round += 1;
-        if round == GREEDY_ROUNDS || geometry.change_from(&before) < SPREADS_SETTLED {
+        let settled = geometry.change_from(&before) < SPREADS_SETTLED;
+        if round == GREEDY_ROUNDS || settled || search.problem.budget.is_spent() {
             search.group = geometry.group.clone();
             return Ok(found);
         }

@@ -76,7 +76,9 @@ pub(crate) fn beside_geometry<'a>(
     found.fit = fit(&search.problem, named.catalogue, &search.group, &start, at(noise, 6), named.mask)?;
     // Causes that the spreads found last make needless.
     found.fit = search.prune(found.fit, noise, &mut found.trace)?.0;
-    drop_tolerances(&search, &geometry, &mut found)?;
+    if !named.problem.budget.is_spent() {
+        drop_tolerances(&search, &geometry, &mut found)?;
+    }
     let mut model = found.fit.model.clone();
     if put_back((&geometry, scene), named.catalogue, &hidden, &mut model) {
         found.fit = geometry.fit(&search.problem, named.catalogue, &model, at(noise, 4), named.mask)?;

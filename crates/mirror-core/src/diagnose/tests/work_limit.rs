@@ -2,6 +2,7 @@
 
 use super::gap_world::{Plan, World, Wrong};
 use crate::diagnose::data::diagnosis::Diagnosis;
+use crate::diagnose::model::work_budget::Effort;
 use crate::diagnose::pipeline;
 use crate::diagnose::prepare::first_day::Memory;
 use crate::diagnose::prepare::options::DiagnoseOptions;
@@ -20,7 +21,7 @@ fn diagnosed(left: f64) -> Diagnosis {
     let mut prepared = Prepared::new(&robot, &recording, &options, None, (true, true), &mut memory).unwrap();
     let budget = prepared.problem.budget.clone();
     while budget.share_of_session() < 1.0 - left {
-        budget.spend(1, 0, 40);
+        budget.spend(Effort::Equations(40));
     }
     prepared.problem.budget = budget.again();
     pipeline::diagnose(prepared, &robot, &recording, &options, &[]).unwrap().diagnosis
@@ -70,7 +71,7 @@ fn a_further_diagnosis_has_what_the_ones_before_left() {
     };
     let first = next();
     while !first.is_over() {
-        first.spend(10, 0, 40);
+        first.spend(Effort::Equations(80));
     }
     let (before, second) = (first.share_of_session(), next());
     assert!(second.is_over() && second.share_of_session() >= before, "{before}");

@@ -11,6 +11,7 @@ use crate::diagnose::model::deformation::Deformation;
 use crate::diagnose::model::free_optics::corner_point;
 use crate::diagnose::model::problem::{BoardFit, Problem};
 use crate::diagnose::model::solver::SOLVER;
+use crate::diagnose::model::work_budget::Effort;
 use crate::diagnose::principles::Count;
 use crate::error::{Error, Result};
 use crate::least_squares::{Damping, LeastSquares, Normal, Stop, descend};
@@ -44,7 +45,7 @@ impl LeastSquares for BoardView<'_> {
 
     fn evaluate(&self, foot: &Vector3<f64>, normal: &mut Normal<3>) -> Result<f64> {
         let unseen = || Error::Undetermined { what: Self::WHAT };
-        self.problem.budget.spend_predicted(self.corners.len().div_ceil(self.each));
+        self.problem.budget.spend(Effort::Predicted(self.corners.len().div_ceil(self.each)));
         *normal = Normal::zero();
         if let Some(flat) = self.flat {
             let mut pictures = self.pictures.borrow_mut();
@@ -109,6 +110,7 @@ impl FrameWork {
             return None;
         }
         let camera_from_board = self.camera_from_world(problem, eye).then(&self.world_from_board(&board));
+        problem.budget.spend(Effort::Posed(problem.frames[frame].corners.len()));
         [by_closed_form, by_size].into_iter().find_map(|starts| {
             let foot = starts(problem, eye, &camera_from_board, frame)?;
             self.fit_board_from(problem, deformation, eye, foot)

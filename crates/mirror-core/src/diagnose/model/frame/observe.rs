@@ -10,6 +10,7 @@ use crate::diagnose::model::free_optics::{board_columns, corner_point};
 use crate::diagnose::model::pose::Pose;
 use crate::diagnose::model::problem::{FrameData, Observation, Problem, Seen};
 use crate::diagnose::model::robust::{Mixture, Robust};
+use crate::diagnose::model::work_budget::Effort;
 use crate::geometry::Reflection;
 use nalgebra::{Matrix3, Point3, Vector2, Vector3};
 
@@ -69,6 +70,7 @@ impl FrameWork {
     }
 
     pub(super) fn observe(&mut self, problem: &Problem, task: &Task<'_>, data: &FrameData, full: bool) {
+        self.spent_ns += Effort::Frame { observations: data.others.len() }.nanoseconds();
         let before = task.eye.map(|eye| (eye, self.camera_from_world(problem, eye)));
         let wanted = if full && task.with_board { task.wanted } else { Wanted::default() };
         let together = before.as_ref().is_some_and(|(eye, camera_from_world)| {

@@ -15,6 +15,7 @@ use crate::diagnose::model::kinematics::{Before, NodePoses};
 use crate::diagnose::model::pose::{Pose, exp};
 use crate::diagnose::model::problem::{FrameData, Noise, Observation, Problem};
 use crate::diagnose::model::solver::SOLVER;
+use crate::diagnose::model::work_budget::Effort;
 use nalgebra::{Matrix3, SMatrix, Vector3, Vector6};
 
 /// Reusable memory for one frame.
@@ -57,6 +58,8 @@ pub(crate) struct FrameWork {
     pub(super) points_each: usize,
     pub(super) pictures: Pictures,
     pub(super) markers: Markers,
+    /// The work on a frame that is not yet counted.
+    pub(super) spent_ns: u64,
 }
 
 /// Two rows by camera mount (6), focal, cx, cy, k1, board scale, glass, curvature.
@@ -145,6 +148,7 @@ impl FrameWork {
             points_each: 0,
             pictures: Pictures::default(),
             markers: Markers::default(),
+            spent_ns: 0,
         }
     }
 
@@ -243,6 +247,12 @@ impl FrameWork {
     /// for all frames of a problem that was cancelled. If this model predicts nothing of it, the cost is that of
     /// false observations: losing a frame must not reduce the cost.
     pub fn evaluate(&mut self, problem: &Problem, task: &Task<'_>, frame: usize) -> bool {
+        let predicted = self.evaluate_counted(problem, task, frame);
+        problem.budget.spend_ns(core::mem::take(&mut self.spent_ns));
+        predicted
+    }
+
+    fn evaluate_counted(&mut self, problem: &Problem, task: &Task<'_>, frame: usize) -> bool {
         self.rows.clear();
         self.condensed.used = false;
         self.condensed.corners = 0;
@@ -396,6 +406,7 @@ impl FrameWork {
 
     /// The board's corners at the present plane: as products where these are all that is read, or as rows.
     fn observe_corners(&mut self, problem: &Problem, task: &Task<'_>, data: &FrameData) -> BoardSums {
+        self.spent_ns += Effort::Corners(data.corners.len()).nanoseconds();
         let many = self.observe_many(problem, task, data);
         let sums = many.unwrap_or_else(|| self.observe_each_corner(problem, task, data));
         self.board_square = (sums.square, sums.corners);

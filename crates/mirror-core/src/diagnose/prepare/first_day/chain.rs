@@ -8,7 +8,7 @@ use super::mounts;
 use super::undone::{Undone, arranged_again};
 use super::variant::Variant;
 use crate::diagnose::model::problem::Problem;
-use crate::diagnose::model::work_budget::A_STAGE;
+use crate::diagnose::model::work_budget::MUCH;
 use crate::diagnose::principles::{A_GAP, Size, Threshold};
 use crate::error::Result;
 use crate::statistics::GOLDEN_SECTION;
@@ -138,7 +138,7 @@ pub(super) fn grown(
         // What was passed over after a stop has numbers that mean nothing.
         problem.cancel.check()?;
         // Where nothing fits each further one is as costly as it is vain.
-        let costly = problem.budget.share() > A_STAGE;
+        let costly = problem.budget.share() > MUCH;
         next.sort_by(|a, b| a.loss.total_cmp(&b.loss));
         unlike(&mut next, BEAM);
         let best = level.first().map_or(f64::INFINITY, |c| c.loss);

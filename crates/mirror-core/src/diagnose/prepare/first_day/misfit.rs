@@ -16,6 +16,7 @@ use crate::diagnose::model::deformation::Deformation;
 use crate::diagnose::model::frame::FrameWork;
 use crate::diagnose::model::pose::Pose;
 use crate::diagnose::model::problem::{BoardFit, Observation, Problem, Seen};
+use crate::diagnose::model::work_budget::Effort;
 use crate::diagnose::principles::{FAR_DEVIATIONS, FEWEST_OBSERVATIONS, Prior, Size, Threshold};
 use crate::error::Result;
 use nalgebra::{Point3, Vector3};
@@ -312,6 +313,8 @@ impl<'a> Misfit<'a> {
         // A mirror that is fitted again poses the frame itself.
         let board = self.board(work, variant, frame);
         variant.nodes(&self.problem.scene.body, frame, &mut work.positions);
+        let observations = self.problem.frames[frame].others.len();
+        self.problem.budget.spend(Effort::Compared { observations });
         let at = (&self.known, frame);
         let kept = self.kept.pose(&mut work.frame, self.problem, at, &work.positions, elsewhere);
         (self.camera_from_world(work), board, kept)
@@ -432,6 +435,7 @@ impl<'a> Misfit<'a> {
 
     /// The same from points.
     pub fn placed_by(&self, points: &[PointSeen]) -> Placed {
+        self.problem.budget.spend(Effort::Compared { observations: points.len() });
         Placed::by(points, &self.problem.scene.mount_known, self.usual_m)
     }
 }
