@@ -431,6 +431,10 @@ def test_what_cannot_be_meant_is_refused(session: Path, tmp_path: Path) -> None:
         "no picture lies" in run("import", *words[:1], session, *words[1:], "--offset-s", "99", code=1).stderr
     )
     assert "needed .mcap" in run("import", session / "session.toml", session, code=1).stderr
+    # Options of another kind of recording, which changed nothing before.
+    for option in (("--episode", "3"), ("--image", "left"), ("--joints-topic", "/joint_states")):
+        told = run("import", *words[:1], session, *words[1:], *option, code=1).stderr
+        assert f"{option[0]} is of another kind of recording" in told
     assert not (session / "frames.csv").exists()
     with pytest.raises(MirrorPostureError, match="not later"):
         JointLog(np.array([0.0, 0.0]), ("a",), np.zeros((2, 1)))

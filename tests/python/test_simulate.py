@@ -180,6 +180,26 @@ def test_a_session_in_which_nothing_is_seen_is_refused_with_the_command_that_det
     assert f"`mirror-posture check {blank}`" in told
 
 
+def test_halves_that_are_too_small_to_diagnose_are_refused(made: Made) -> None:
+    """Before: a gap of two postures, each of which told nothing of the other."""
+    from dataclasses import replace
+
+    from mirror_simulation.simulate.held_out import held_out_gap
+
+    folder, _ = made("joint_offset", 11)
+    session = mp.load_session(folder)
+    kept = np.isin(session.frames.posture, np.unique(session.frames.posture)[:2])
+    seen = session.mirror_view
+    few = replace(
+        session,
+        mirror_view=replace(
+            seen, board_seen=seen.board_seen & kept[:, None], marker_seen=seen.marker_seen & kept[:, None]
+        ),
+    )
+    with pytest.raises(mp.MirrorPostureError, match="in one half of the session, too few to diagnose"):
+        held_out_gap(few)
+
+
 def test_optics_and_a_board_on_another_body_than_the_camera_can_be_held(made: Made) -> None:
     from mirror_simulation.simulate.causes import add_cause
     from mirror_simulation.simulate.changed import Changed

@@ -19,25 +19,29 @@ def read_recording(
     joints_topic: str | None = None,
     commands_topic: str | None = None,
     image: str | None = None,
-    episode: int = 0,
+    episode: int | None = None,
     degrees: bool = False,
     time: str = TIME,
 ) -> Recording:
     """Reads a recording of any kind that is known.
 
     - a bag: `.mcap`, `.bag` (ROS 1), or a folder with metadata.yaml (ROS 2); `joints_topic`, `commands_topic`, `image` name topics;
-    - a LeRobot dataset (v2.1, v3): the folder with meta/info.json; `image` names the camera, `episode` the episode;
+    - a LeRobot dataset (v2.1, v3): the folder with meta/info.json; `image` names the camera, `episode` the episode (the first by default);
     - a film, or a folder of pictures, with `joints_file`: a CSV with a column for each joint and one of `time` (`stamp=ms`: in
       milliseconds).
 
     Raises:
-        MirrorPostureError: an unknown kind, a missing package (with what to install), several topics to choose from.
+        MirrorPostureError: an unknown kind, a missing package (with what to install), several topics to choose from, an option that
+            another kind of recording has.
     """
     if not source.exists():
         raise MirrorPostureError(f"{source}: there is no such file or folder")
+    topics = {"--joints-topic": joints_topic, "--commands-topic": commands_topic}
     if is_dataset(source):
-        return read_dataset(source, image=image, episode=episode, degrees=degrees)
+        _refuse(source, "a LeRobot dataset", {"--joints": joints_file, **topics})
+        return read_dataset(source, image=image, episode=episode or 0, degrees=degrees)
     if is_bag(source):
+        _refuse(source, "a bag", {"--joints": joints_file, "--episode": episode})
         return read_bag(
             source,
             joints_topic=joints_topic,
@@ -50,9 +54,19 @@ def read_recording(
             raise MirrorPostureError(
                 f"{source}: pictures alone; add --joints FILE.csv with time_s and the joints"
             )
+        _refuse(source, "pictures or a film", {"--image": image, "--episode": episode, **topics})
         reader = read_pictures if source.is_dir() else read_film
         return reader(source, joints_file, degrees, time)
     raise MirrorPostureError(
         f"{source}: got the ending {source.suffix!r}, needed .mcap, .bag, a ROS 2 bag's folder, a LeRobot dataset's folder, "
         f"a film ({', '.join(FILMS)}) or a folder of pictures"
     )
+
+
+def _refuse(source: Path, kind: str, options: dict[str, object]) -> None:
+    """Refuses options that would change nothing for this kind of recording."""
+    for option, value in options.items():
+        if value is not None:
+            raise MirrorPostureError(
+                f"{source} is {kind}: {option} is of another kind of recording; leave it out"
+            )

@@ -9,7 +9,9 @@ from typing import Any
 
 import numpy as np
 
+from mirror_posture import MirrorPostureError
 from mirror_posture.arrays import Mask
+from mirror_posture.counted import counted
 from mirror_posture.diagnosis import diagnose
 from mirror_posture.session import Session
 
@@ -57,6 +59,12 @@ def held_out_gap(session: Session, model: Path | None = None) -> HeldOut:
     before, after, causes = [], [], []
     for fitted in (first, ~first):
         found = diagnose(_seen_in(session, fitted))
+        if found.verdict == "insufficient":
+            count = len(np.unique(session.frames.posture[fitted]))
+            raise MirrorPostureError(
+                f"held-out postures: got {counted(count, 'posture')} in one half of the session, too few to diagnose; needed a session "
+                f"with more. {found.sentence}"
+            )
         changed, _, rest = with_causes(session, model, found.causes)
         before.append(simulated_gap(session, nominal, ~fitted))
         after.append(simulated_gap(changed.session, rest, ~fitted))

@@ -47,7 +47,10 @@ def command(
     commands_topic: Annotated[
         str | None, typer.Option(help="Topic of the commands, as JointState, where they were recorded.")
     ] = None,
-    episode: Annotated[int, typer.Option(help="Episode of a LeRobot dataset.")] = 0,
+    episode: Annotated[
+        int | None,
+        typer.Option(help="Episode of a LeRobot dataset; the first, 0, by default.", show_default=False),
+    ] = None,
     offset_s: Annotated[
         float | None,
         typer.Option(

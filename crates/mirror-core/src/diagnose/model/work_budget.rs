@@ -179,6 +179,22 @@ mod tests {
     }
 
     #[test]
+    fn what_prepares_a_search_counts_to_the_session_only() {
+        let mut budget = WorkBudget::of(200);
+        let all = budget.of_one;
+        budget.spend_ns(all / 4);
+        assert!(budget.share() > 0.24);
+        budget.search_begins();
+        assert_eq!(budget.share(), 0.0);
+        assert!(spend_all(&budget) >= all);
+        // A preparation that took nearly all leaves the search what is left of the session.
+        let mut budget = WorkBudget::of(200);
+        budget.spend_ns(budget.of_session - all / 4);
+        budget.search_begins();
+        assert!(spend_all(&budget) <= all / 4 + STEP.nanoseconds());
+    }
+
+    #[test]
     fn clones_spend_one_budget_and_longer_sessions_have_more() {
         let budget = WorkBudget::of(200);
         let spent = spend_all(&budget.clone());

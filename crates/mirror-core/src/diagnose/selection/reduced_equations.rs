@@ -128,6 +128,19 @@ mod tests {
     }
 
     #[test]
+    fn onto_some_unknowns_the_rest_is_held_at_zero() {
+        let (m, b) = equations();
+        let Some(onto) = Reduced::onto(&(m.clone(), b.clone()), &[3, 1], &[0, 5]) else { panic!("positive") };
+        let (left, right) = onto.equations();
+        let Some(values) = left.clone().lu().solve(right) else { panic!("regular") };
+        let of = [0, 1, 3, 5];
+        let among = DMatrix::from_fn(4, 4, |i, j| m[(of[i], of[j])]);
+        let Some(whole) = among.lu().solve(&DVector::from_fn(4, |i, _| b[of[i]])) else { panic!("regular") };
+        assert!((values[0] - whole[2]).abs() < 1e-9 && (values[1] - whole[1]).abs() < 1e-9);
+        assert!(onto.base([4].into_iter()).is_none());
+    }
+
+    #[test]
     fn what_is_eliminated_cannot_be_asked_for() {
         let Some(reduced) = Reduced::of(&equations(), &[1, 4]) else { panic!("positive") };
         assert!(reduced.base([1].into_iter()).is_none());
