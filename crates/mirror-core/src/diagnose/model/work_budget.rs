@@ -21,8 +21,8 @@ const OF_ANOTHER: f64 = 0.3;
 /// The share above which chains of gross mistakes are made no longer, where none of them fits.
 pub(crate) const MUCH: f64 = 0.5;
 
-/// Work that is counted. The factors are about the nanoseconds of one core that it takes, fitted to a hundred thousand passes
-/// over sessions of many kinds.
+/// Work that is counted, by a price that is about the nanoseconds of one core that it takes. The prices were fitted to the times of
+/// passes over sessions of many kinds, whose sums they tell to within a half: measured points are dearer than counted.
 #[derive(Debug, Clone, Copy)]
 pub(crate) enum Effort {
     /// A frame in which so many markers were predicted.
@@ -44,7 +44,7 @@ pub(crate) enum Effort {
 }
 
 impl Effort {
-    /// About how long it takes.
+    /// About how long it takes; of rows by columns the second term is the products of the columns.
     pub fn nanoseconds(self) -> u64 {
         match self {
             Self::Frame { observations } => 450 + 300 * observations as u64,
