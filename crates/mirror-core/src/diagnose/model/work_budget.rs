@@ -48,8 +48,7 @@ impl Effort {
     pub fn nanoseconds(self) -> u64 {
         match self {
             Self::Frame { observations } => 450 + 300 * observations as u64,
-            Self::Corners(corners) => 200 * corners as u64,
-            Self::Predicted(corners) => 200 * corners as u64,
+            Self::Corners(corners) | Self::Predicted(corners) => 200 * corners as u64,
             Self::Posed(corners) => 180 * corners as u64,
             Self::Compared { observations } => 700 + 150 * observations as u64,
             Self::Rows { rows, columns } => (columns * (10 + rows * (150 + columns) / 60)) as u64,

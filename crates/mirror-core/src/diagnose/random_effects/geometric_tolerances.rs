@@ -203,11 +203,12 @@ impl Geometry {
         self.group.columns.iter().any(|c| Kind::of(c) == kind)
     }
 
+    /// The scales that were learned last.
     pub fn spreads(&self) -> Spreads {
         self.spreads
     }
 
-    /// At other spreads.
+    /// Sets the scales, and with them the priors of columns whose tolerance is not stated.
     pub fn set_spreads(&mut self, spreads: &Spreads) {
         self.spreads = *spreads;
         self.set_priors();

@@ -45,13 +45,14 @@ impl LinearSearch {
     /// with the normal equations at the scales that the resample has with them. Adding one cause at a time may end
     /// at two causes that only imitate two others; the whole search avoids that by additional start points.
     pub fn search(&self, resample: &Equations) -> Option<WeighedSet> {
-        // Where a search ends, and the scales there if it ends where it began.
+        // Where a search ends, the scales where it began, and whether that is the same set.
         let end_from = |start: Vec<usize>, from: Option<Spreads>| -> Option<(Vec<usize>, Scaled, bool)> {
             let scaled = self.with_spreads(resample, &start, from)?;
             let set = self.searched(&scaled.reduced, start.clone())?;
             let stayed = is_same_set(&set, &start);
             Some((set, scaled, stayed))
         };
+        // Another set's scales are learned from those of the start.
         let weighed = |(set, scaled, stayed): (Vec<usize>, Scaled, bool)| {
             let scaled = if stayed { scaled } else { self.with_spreads(resample, &set, scaled.spreads)? };
             self.weighed(set, scaled)
@@ -153,7 +154,9 @@ impl LinearSearch {
             Some((values, variances))
         };
         let mut learned = geometry.clone();
-        from.iter().for_each(|from| learned.set_spreads(from));
+        if let Some(from) = from {
+            learned.set_spreads(&from);
+        }
         learned.learned_from(&posterior);
         let mut of_all = vec![1.0; whole.1.len()];
         group.iter().zip(units(&learned.group.prior_std)).for_each(|(&i, unit)| of_all[i] = unit);

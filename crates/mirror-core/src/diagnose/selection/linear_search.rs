@@ -64,7 +64,9 @@ pub(crate) struct LinearSearch {
     pub(super) geometry: Option<(Geometry, usize)>,
     /// Where the group's parameters begin.
     pub first_group: usize,
+    /// Of the session: what learning scales takes counts.
     pub(super) budget: WorkBudget,
+    /// The scales without any cause on all postures, once they are asked for.
     pub(super) without_causes: OnceLock<Option<Spreads>>,
 }
 

@@ -57,7 +57,11 @@ pub(crate) fn beside_scatter<'a>(
 ) -> Result<Option<BesideScatter<'a>>> {
     let joints = scattering_joints(&search.problem);
     // Measured points of one posture share the error of a measured pose: joints that scatter look like that.
-    if search.problem.camera.is_none() || joints.is_empty() || search.problem.budget.is_over() {
+    if search.problem.camera.is_none() || joints.is_empty() {
+        return Ok(None);
+    }
+    // It would be a whole search more.
+    if search.problem.budget.is_over() {
         return Ok(None);
     }
     // Where no scatter can be more likely, and no noise is above the measured one that it could reduce, it need not be fitted.
