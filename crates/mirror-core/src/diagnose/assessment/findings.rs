@@ -3,7 +3,6 @@
 use crate::diagnose::assessment::resampled::Resampled;
 use crate::diagnose::criteria::cross_validation::PostureGap;
 use crate::diagnose::data::diagnosis::Cause;
-use crate::diagnose::effects::hypothesis::Term;
 use crate::diagnose::likelihood::fit::Fit;
 use crate::diagnose::model::deformation::Deformation;
 use crate::diagnose::model::problem::Problem;
@@ -48,16 +47,11 @@ impl Findings<'_> {
     /// The deformation by the named causes and the small errors, without causes that are far larger than such an
     /// error usually is; and whether there are any of those.
     pub fn known(&self) -> (Deformation, bool) {
-        let hypotheses = &self.search.catalogue.hypotheses;
-        let is_large = |term: &Term| {
-            let stds = &hypotheses[term.hypothesis].prior_std;
-            let in_stds = term.parameters.iter().zip(stds).map(|(p, std)| (p / std).abs());
-            in_stds.fold(0.0, f64::max) > FAR_DEVIATIONS
-        };
+        let catalogue = self.search.catalogue;
         let mut model = self.found.fit.model.clone();
-        model.terms.retain(|t| !self.search.catalogue.is_free(t.hypothesis));
+        model.terms.retain(|t| !catalogue.is_free(t.hypothesis));
         let named = model.terms.len();
-        model.terms.retain(|t| !is_large(t));
+        model.terms.retain(|t| catalogue.deviations(t) <= FAR_DEVIATIONS);
         (self.search.deformation(&model), model.terms.len() < named)
     }
 

@@ -2,10 +2,12 @@
 
 use crate::diagnose::criteria::regions::regions;
 use crate::diagnose::effects::hypothesis::{Catalogue, Model};
-use crate::diagnose::likelihood::fit::{Fit, FitOptions, Group, fit};
+use crate::diagnose::likelihood::fit::{FitOptions, Group};
+use crate::diagnose::likelihood::fit_without_each::fit_without_each;
 use crate::diagnose::likelihood::saturated::{FreePosture, free_markers};
 use crate::diagnose::model::deformation::Deformation;
 use crate::diagnose::model::problem::{Noise, Problem};
+use crate::diagnose::model::solver::SOLVER;
 use crate::error::Result;
 use rayon::prelude::*;
 
@@ -38,20 +40,20 @@ pub(crate) fn held_out(
     of_causes_alone: bool,
 ) -> Result<Vec<PostureGap>> {
     let labels = regions(problem);
-    let count = labels.iter().max().map_or(0, |m| m + 1);
     let nothing_to_fit = model.terms.is_empty() && model.nuisances.is_empty() && model.group.is_empty();
-    let parts = (0..count)
+    let fitted = if nothing_to_fit {
+        let count = labels.iter().max().map_or(0, |most| most + 1);
+        vec![model.clone(); count]
+    } else {
+        let options = FitOptions { noise, steps: SOLVER.candidate_steps };
+        let fits = fit_without_each(problem, catalogue, group, model, options, &labels)?;
+        fits.into_iter().map(|fit| fit.model).collect()
+    };
+    let parts = fitted
         .into_par_iter()
-        .map(|region| -> Result<Vec<PostureGap>> {
-            let train: Vec<bool> = labels.iter().map(|l| *l != region || count == 1).collect();
+        .enumerate()
+        .map(|(region, mut fitted)| -> Result<Vec<PostureGap>> {
             let test: Vec<bool> = labels.iter().map(|l| *l == region).collect();
-            let mut fitted = if nothing_to_fit {
-                model.clone()
-            } else {
-                let options = FitOptions { noise, steps: 4 };
-                let fit: Fit = fit(problem, catalogue, group, model, options, Some(&train))?;
-                fit.model
-            };
             if of_causes_alone {
                 fitted.terms.retain(|t| !catalogue.is_free(t.hypothesis));
             }

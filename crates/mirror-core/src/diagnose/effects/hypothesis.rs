@@ -60,6 +60,12 @@ impl Catalogue {
         Self { effects, first_free: hypotheses.len(), hypotheses }
     }
 
+    /// How many of their prior's deviations the largest of a cause's parameters is.
+    pub fn deviations(&self, term: &Term) -> f64 {
+        let stds = &self.hypotheses[term.hypothesis].prior_std;
+        term.parameters.iter().zip(stds).map(|(value, std)| (value / std).abs()).fold(0.0, f64::max)
+    }
+
     /// A catalogue with free-form errors behind its own hypotheses, whose indices stay.
     pub fn with_free_forms(base: &Self, scene: &Scene, free: Vec<Box<dyn Effect>>) -> Self {
         let mut out = Self {

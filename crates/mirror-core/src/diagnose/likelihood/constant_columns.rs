@@ -37,7 +37,8 @@ impl ConstantColumns {
         self.table.clear(count + 1, work.row_count);
         self.columns.write(work, (problem, deformation), &self.acting, &mut self.table);
         self.table.write(count, &work.residual, 1.0);
-        add_products(&self.table, &self.table, true, &mut self.products);
+        let table = self.table.filled();
+        add_products(table, table, true, &mut self.products);
     }
 
     /// `H`.

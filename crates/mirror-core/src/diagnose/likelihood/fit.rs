@@ -64,6 +64,7 @@ impl Fit {
 }
 
 /// Columns, priors and current values of a model, in the order nuisances, group, terms.
+#[derive(Clone)]
 pub(crate) struct Active {
     pub columns: Vec<Column>,
     pub prior_std: Vec<f64>,
@@ -200,11 +201,24 @@ pub(crate) fn fit_below(
     mask: Option<&[bool]>,
     hopeless: f64,
 ) -> Result<Fit> {
+    let planes = start.planes.as_deref();
+    let first = linearise(problem, catalogue, group, start, options.noise, planes, mask)?;
+    Ok(fit_on(problem, catalogue, group, (start, first), options, mask, hopeless))
+}
+
+/// As [`fit_below`], from a model that is linearised already.
+pub(super) fn fit_on(
+    problem: &Problem,
+    catalogue: &Catalogue,
+    group: &Group,
+    (start, (mut normal, mut active)): (&Model, (Normal, Active)),
+    options: FitOptions,
+    mask: Option<&[bool]>,
+    hopeless: f64,
+) -> Fit {
     let mut model = start.clone();
     let mut damping = 1e-9;
     let start = model.planes.take();
-    let (mut normal, mut active) =
-        linearise(problem, catalogue, group, &model, options.noise, start.as_deref(), mask)?;
     let mut secant: Option<Secant> = None;
     for taken in 0..options.steps {
         if active.values.is_empty() {
@@ -264,7 +278,7 @@ pub(crate) fn fit_below(
         }
         model.planes = Some(Arc::new(feet));
     }
-    Ok(summary(model, &normal, &active))
+    summary(model, &normal, &active)
 }
 
 /// The normal equations of a model at its current values, and its parameters in their order.

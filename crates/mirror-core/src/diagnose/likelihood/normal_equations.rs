@@ -40,6 +40,21 @@ impl Planes {
         let mut after = |f: Vector3<f64>| f + by_frame.next().map_or_else(Vector3::zeros, moved);
         self.feet.iter().map(|foot| foot.map(&mut after)).collect()
     }
+
+    /// Those of frames of which each is in one of the parts, or in none; `count`: the number of columns.
+    fn of_parts(parts: &[&Self], count: usize) -> Self {
+        let frames = parts.iter().map(|part| part.feet.len()).max().unwrap_or(0);
+        let mut rows: Vec<_> =
+            parts.iter().map(|part| part.by_parameter.chunks_exact(count.max(1))).collect();
+        let mut out = Self::default();
+        for frame in 0..frames {
+            let holds = |part: &&Self| part.feet.get(frame).is_some_and(Option::is_some);
+            let of = parts.iter().position(holds);
+            out.feet.push(of.and_then(|part| parts[part].feet[frame]));
+            out.by_parameter.extend(of.and_then(|part| rows[part].next()).unwrap_or_default());
+        }
+        out
+    }
 }
 
 /// The dot product, in several partial sums, so that additions need not wait for each other and vector registers
@@ -145,6 +160,24 @@ impl Normal {
         let equations = Effort::Equations(count);
         problem.budget.spend_ns(total.spent_ns + equations.nanoseconds());
         Ok(total.into_normal())
+    }
+
+    /// Those of all frames of some parts, at the same deformation and by the same columns.
+    pub fn of_parts(parts: &[&Self]) -> Self {
+        let count = parts.first().map_or(0, |part| part.g.len());
+        let planes: Vec<&Planes> = parts.iter().map(|part| &part.planes).collect();
+        let mut out = Self {
+            h: DMatrix::zeros(count, count),
+            g: DVector::zeros(count),
+            cost: 0.0,
+            planes: Planes::of_parts(&planes, count),
+        };
+        for part in parts {
+            out.h += &part.h;
+            out.g += &part.g;
+            out.cost += part.cost;
+        }
+        out
     }
 }
 
@@ -275,6 +308,7 @@ impl Scratch {
             }
         }
         table.write(last, &work.residual, 1.0);
+        let table = table.filled();
         if few {
             which.push(count);
             products.clear();

@@ -319,12 +319,13 @@ impl Scratch {
             }
         }
         self.active.write(count, &self.work.residual, 1.0);
-        add_products(&self.active, &self.active, true, &mut out.base);
+        let active = self.active.filled();
+        add_products(active, active, true, &mut out.base);
         let stride = stride(count + 1);
         self.atom_active.clear();
         self.atom_active.resize(what.candidate_atoms * stride, 0.0);
         self.atoms.keep_first(what.candidate_atoms);
-        add_products(&self.atoms, &self.active, false, &mut self.atom_active);
+        add_products(self.atoms.filled(), active, false, &mut self.atom_active);
         self.pair_products.clear();
         self.pair_products.resize(what.pairs.len(), 0.0);
         products_of_pairs(&self.by_atom, length, what.pairs, &mut self.pair_products);

@@ -10,7 +10,8 @@ use crate::diagnose::criteria::cross_validation::{GapSize, PostureGap, gap_of, s
 use crate::diagnose::criteria::regions::regions;
 use crate::diagnose::data::diagnosis::{Cause, GapStep};
 use crate::diagnose::effects::hypothesis::Model;
-use crate::diagnose::likelihood::fit::{FitOptions, fit};
+use crate::diagnose::likelihood::fit::{Fit, FitOptions, fit};
+use crate::diagnose::likelihood::fit_without_each::fit_without_each;
 use crate::diagnose::likelihood::saturated::free_markers;
 use crate::diagnose::model::solver::SOLVER;
 use crate::error::Result;
@@ -70,12 +71,13 @@ fn sizes(findings: &Findings<'_>, parts: &[Part], wanted: &[usize]) -> Result<Ve
     let options = FitOptions { noise: findings.found.noise, steps: SOLVER.candidate_steps };
     let labels = regions(problem);
     let count = labels.iter().max().map_or(0, |m| m + 1);
-    let of_regions = (0..count)
+    let fits = fit_without_each(problem, search.catalogue, &search.group, model, options, &labels)?;
+    let of_regions = fits
         .into_par_iter()
-        .map(|region| -> Result<Vec<Vec<PostureGap>>> {
+        .enumerate()
+        .map(|(region, Fit { model: fitted, .. })| -> Result<Vec<Vec<PostureGap>>> {
             let train: Vec<bool> = labels.iter().map(|l| *l != region || count == 1).collect();
             let test: Vec<bool> = labels.iter().map(|l| *l == region).collect();
-            let fitted = fit(problem, search.catalogue, &search.group, model, options, Some(&train))?.model;
             wanted
                 .iter()
                 .map(|&k| {

@@ -15,9 +15,6 @@ use crate::diagnose::selection::search::{Found, Search, SearchOptions};
 use crate::diagnose::selection::standing::{ByMounts, RIVALS, Rival, Standing};
 use crate::error::Result;
 
-/// The same where the work of a diagnosis is at its limit.
-const FEW_RIVALS: Size = 2;
-
 /// Whether two causes are laws of one joint, neither of which is exactly known. What separates them only if both
 /// follow the textbook exactly (a play that widens with its load, and a servo that sticks and droops) is no
 /// evidence.
@@ -90,8 +87,7 @@ fn rivals_at_all_noises(
 ) -> Result<(Vec<Fit>, Vec<usize>)> {
     let coarse = named.effective(rest)?;
     let own_fit = named.fit_with_slack(&found.fit.model, Some(i), coarse, 4)?;
-    let count = if named.problem.budget.is_spent() { FEW_RIVALS } else { RIVALS };
-    let candidates = named.candidates(rest, coarse, count, Some((own, &own_fit)))?;
+    let candidates = named.candidates(rest, coarse, RIVALS, Some((own, &own_fit)))?;
     let is_rival = |fit: &&Fit| {
         fit.model.terms.last().is_some_and(|term| {
             // An effect that is equivalent to a simpler alternative is that alternative.
@@ -248,9 +244,12 @@ pub(crate) fn held_out_odds(one: &[PostureGap], other: &[PostureGap], noise: Noi
 }
 
 fn standings(search: &Search<'_>, found: &Found, beside: Option<&Geometry>) -> Result<Vec<Option<Standing>>> {
-    let by_linear_model = match by_linear_models(&search.problem, beside) {
-        Some(geometry) => linear_standings(search, found, geometry)?,
-        None => vec![None; found.fit.model.terms.len()],
+    // At the limit of work fits of all alternatives beside many mounts would take as long again.
+    let at_limit = search.problem.budget.is_spent();
+    let by_linear_model = if at_limit || by_linear_models(&search.problem, beside).is_some() {
+        linear_standings(search, found, beside)?
+    } else {
+        vec![None; found.fit.model.terms.len()]
     };
     by_linear_model
         .into_iter()

@@ -1,5 +1,5 @@
-//! The probabilities of causes beside small errors everywhere, and of the alternatives in each one's place, by one linear
-//! model.
+//! The probabilities of causes beside small errors everywhere, or of many causes at the limit of work, and of the alternatives
+//! in each one's place, by one linear model.
 //!
 //! A fit with a hundred small errors is expensive, and an alternative in a cause's place needs several. All of them are
 //! in one linear model at the causes found ([`LinearSearch`]): what is always free is eliminated, and each comparison
@@ -22,7 +22,7 @@ use crate::error::Result;
 pub(super) fn linear_standings(
     search: &Search<'_>,
     found: &Found,
-    geometry: &Geometry,
+    geometry: Option<&Geometry>,
 ) -> Result<Vec<Option<Standing>>> {
     let (model, catalogue) = (&found.fit.model, search.catalogue);
     let named =
@@ -41,8 +41,7 @@ pub(super) fn linear_standings(
         });
     }
     let competing = Competing::all(rivals.iter().flatten().copied());
-    let linear =
-        LinearSearch::new((search, model, found.noise), Some(geometry), &competing, &[search.frames()])?;
+    let linear = LinearSearch::new((search, model, found.noise), geometry, &competing, &[search.frames()])?;
     let equations = linear.sum(&[1.0]);
     let reduced = Reduced::of(&equations, &linear.always);
     let of_term = |i: usize| {

@@ -49,7 +49,8 @@ impl FrameWork {
         }
         condensed.gram.clear();
         condensed.gram.resize(m * stride(m), 0.0);
-        add_products(&condensed.table, &condensed.table, true, &mut condensed.gram);
+        let table = condensed.table.filled();
+        add_products(table, table, true, &mut condensed.gram);
         self.factorise_corners();
     }
 

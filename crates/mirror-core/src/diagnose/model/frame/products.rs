@@ -8,19 +8,26 @@ use nalgebra::{Matrix3, Vector3};
 pub(crate) const PROJECTED: Size = 3;
 /// Numbers that are handled at once: tables are as wide as a multiple of it.
 pub(crate) const LANES: Size = 8;
-/// Rows that are handled at once.
-const ROWS: Size = 4;
+/// Rows that are marked in one number.
+const BITS: Size = u64::BITS as usize;
 
 /// The columns of one frame, row by row. Their parts along the plane's three parameters are the last rows.
 #[derive(Debug, Default)]
 pub(crate) struct Table {
     columns: usize,
     stride: usize,
-    /// Rows that are the frame's, and all: a multiple of [`ROWS`] each.
+    /// Rows that are the frame's, and all.
     own: usize,
     rows: usize,
     values: Vec<f64>,
+    /// The rows in which any of each [`LANES`] columns is not 0, in so many numbers.
+    filled: Vec<u64>,
+    words: usize,
 }
+
+/// A table of which is known where it is not 0.
+#[derive(Clone, Copy)]
+pub(crate) struct Filled<'t>(&'t Table);
 
 /// How far apart the rows of a table, or of sums, of so many columns are.
 pub(crate) fn stride(columns: usize) -> usize {
@@ -32,8 +39,8 @@ impl Table {
     pub fn clear(&mut self, columns: usize, rows: usize) {
         self.columns = columns;
         self.stride = stride(columns);
-        self.own = rows.next_multiple_of(ROWS);
-        self.rows = self.own + PROJECTED.next_multiple_of(ROWS);
+        self.own = rows;
+        self.rows = self.own + PROJECTED;
         self.values.clear();
         self.values.resize(self.rows * self.stride, 0.0);
     }
@@ -53,6 +60,15 @@ impl Table {
         };
         read(own, 0);
         read(along, self.own);
+    }
+
+    /// Finds where it is not 0, once all is written.
+    pub fn filled(&mut self) -> Filled<'_> {
+        self.words = self.rows.div_ceil(BITS);
+        self.filled.clear();
+        self.filled.resize(self.stride / LANES * self.words, 0);
+        mark_filled(&self.values[..self.rows * self.stride], self.stride, self.words, &mut self.filled);
+        Filled(self)
     }
 
     /// Leaves out all columns but the first ones.
@@ -118,31 +134,78 @@ fn add_three(row: &[f64], by: &[f64; PROJECTED], to: &mut [f64]) {
     }
 }
 
+/// Marks, for each [`LANES`] columns, the rows in which any of them is not 0: a bit for each.
+#[multiversion(targets("x86_64+avx512f", "x86_64+avx2"))]
+fn mark_filled(values: &[f64], stride: usize, words: usize, filled: &mut [u64]) {
+    for (row, values) in values.chunks_exact(stride).enumerate() {
+        for (tile, columns) in values.chunks_exact(LANES).enumerate() {
+            let any = columns.iter().fold(false, |any, x| any | (*x != 0.0));
+            filled[tile * words + row / BITS] |= u64::from(any) << (row % BITS);
+        }
+    }
+}
+
 /// Adds the products of the columns of `left` with those of `right`, `sums[j * stride + i] += ⟨left_j, right_i⟩`:
 /// rows minus the parts along the plane. For a table with itself (`half`) the products with `i ≤ j` are sufficient.
+pub(crate) fn add_products(left: Filled<'_>, right: Filled<'_>, half: bool, sums: &mut [f64]) {
+    add_tiles(left.0, right.0, half, sums);
+}
+
+/// Some columns by some others at once, in registers, over the rows in which any of both is not 0: a joint of one arm moves no
+/// marker of the other.
 #[multiversion(targets("x86_64+avx512f", "x86_64+avx2"))]
-pub(crate) fn add_products(left: &Table, right: &Table, half: bool, sums: &mut [f64]) {
-    let stride = right.stride;
-    for first in (0..right.rows).step_by(ROWS) {
-        let sign = if first < right.own { 1.0 } else { -1.0 };
-        let rows = &right.values[first * stride..(first + ROWS) * stride];
-        let (a, rest) = rows.split_at(stride);
-        let (b, rest) = rest.split_at(stride);
-        let (c, d) = rest.split_at(stride);
-        let own = &left.values[first * left.stride..(first + ROWS) * left.stride];
-        for j in 0..left.columns {
-            let x = [own[j], own[left.stride + j], own[2 * left.stride + j], own[3 * left.stride + j]];
-            if x == [0.0; ROWS] {
-                continue;
-            }
-            let x = x.map(|x| sign * x);
-            let end = if half { (j + 1).next_multiple_of(LANES) } else { stride };
-            let out = &mut sums[j * stride..j * stride + end];
-            let (a, b, c, d) = (&a[..end], &b[..end], &c[..end], &d[..end]);
-            for i in 0..end {
-                out[i] += x[0] * a[i] + x[1] * b[i] + x[2] * c[i] + x[3] * d[i];
+fn add_tiles(left: &Table, right: &Table, half: bool, sums: &mut [f64]) {
+    let (stride, words) = (right.stride, right.words);
+    for j in (0..left.columns).step_by(LANES) {
+        let of_left = &left.filled[j / LANES * words..][..words];
+        let few = LANES.min(left.columns - j);
+        let end = if half { j + LANES } else { stride };
+        for i in (0..end).step_by(LANES) {
+            let of_right = &right.filled[i / LANES * words..][..words];
+            let tile = products_of(((left, j), of_left), ((right, i), of_right));
+            for (k, tile) in tile[..few].iter().enumerate() {
+                let sums = &mut sums[(j + k) * stride + i..][..LANES];
+                sums.iter_mut().zip(tile).for_each(|(sum, x)| *sum += x);
             }
         }
+    }
+}
+
+/// The products of some columns with some others, each with the rows in which it is not 0. A sum for each column by name: only these
+/// stay in registers.
+#[inline(always)]
+fn products_of(
+    ((left, j), of_left): ((&Table, usize), &[u64]),
+    ((right, i), of_right): ((&Table, usize), &[u64]),
+) -> [[f64; LANES]; LANES] {
+    let none = [0.0; LANES];
+    let (mut a, mut b, mut c, mut d) = (none, none, none, none);
+    let (mut e, mut f, mut g, mut h) = (none, none, none, none);
+    for (word, (one, other)) in of_left.iter().zip(of_right).enumerate() {
+        let mut bits = one & other;
+        while bits != 0 {
+            let row = word * BITS + bits.trailing_zeros() as usize;
+            bits &= bits - 1;
+            let sign = if row < right.own { 1.0 } else { -1.0 };
+            let x = &left.values[row * left.stride + j..][..LANES];
+            let y = &right.values[row * right.stride + i..][..LANES];
+            add_times(&mut a, sign * x[0], y);
+            add_times(&mut b, sign * x[1], y);
+            add_times(&mut c, sign * x[2], y);
+            add_times(&mut d, sign * x[3], y);
+            add_times(&mut e, sign * x[4], y);
+            add_times(&mut f, sign * x[5], y);
+            add_times(&mut g, sign * x[6], y);
+            add_times(&mut h, sign * x[7], y);
+        }
+    }
+    [a, b, c, d, e, f, g, h]
+}
+
+#[inline(always)]
+fn add_times(to: &mut [f64; LANES], x: f64, y: &[f64]) {
+    for (to, y) in to.iter_mut().zip(y) {
+        *to += x * y;
     }
 }
 
@@ -177,16 +240,17 @@ mod tests {
     fn products_are_of_the_rows_less_those_along_the_plane() {
         let mut rng = ChaCha8Rng::seed_from_u64(3);
         for (rows, many, few) in [(1, 1, 1), (7, 9, 3), (38, 50, 21), (301, 30, 12)] {
-            let (left, own) = columns(few, rows, &mut rng);
-            let (right, others) = columns(many, rows, &mut rng);
+            let (mut left, own) = columns(few, rows, &mut rng);
+            let (mut right, others) = columns(many, rows, &mut rng);
             let wanted = |x: &[f64], y: &[f64]| -> f64 {
                 (0..rows + PROJECTED).map(|r| if r < rows { x[r] * y[r] } else { -x[r] * y[r] }).sum()
             };
             let (stride, begun) = (stride(many), 0.25);
+            let (left, right) = (left.filled(), right.filled());
             let mut sums = vec![begun; few * stride];
-            add_products(&left, &right, false, &mut sums);
+            add_products(left, right, false, &mut sums);
             let mut half = vec![begun; many * stride];
-            add_products(&right, &right, true, &mut half);
+            add_products(right, right, true, &mut half);
             for i in 0..many {
                 for j in 0..few {
                     assert!((sums[j * stride + i] - begun - wanted(&own[j], &others[i])).abs() < 1e-12);
@@ -204,7 +268,8 @@ mod tests {
         table.clear_rows(5, 6);
         (0..6).for_each(|row| table.row_mut(row)[..5].copy_from_slice(&[1.0, 2.0, 0.0, -1.0, row as f64]));
         let mut sums = vec![0.0; 5 * stride(5)];
-        add_products(&table, &table, true, &mut sums);
+        let table = table.filled();
+        add_products(table, table, true, &mut sums);
         let of = |j: usize| sums[j * stride(5)..][..5].to_vec();
         assert_eq!(of(4), [15.0, 30.0, 0.0, -15.0, 55.0]);
     }

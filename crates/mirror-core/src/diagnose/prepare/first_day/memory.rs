@@ -4,7 +4,7 @@
 use super::loads;
 use super::mistake::{Changes, Mistake};
 use super::outlying::False;
-use super::single_cause::{self, Alone};
+use super::single_cause::{self, Alone, Explained};
 use crate::diagnose::model::problem::Problem;
 use crate::diagnose::model::work_budget::WorkBudget;
 use crate::error::Result;
@@ -38,7 +38,7 @@ type Found = Option<(Mistake, f64)>;
 pub(crate) struct Memory {
     /// The likeliest single cause, and whether it explains everything.
     pub(super) alone: Known<Option<Alone>>,
-    pub(super) explained: Known<bool>,
+    pub(super) explained: Known<Explained>,
     /// Whether a zero that changes once explains it better.
     pub(super) stepped: Known<bool>,
     /// Gravity in another direction.
@@ -56,8 +56,20 @@ impl Memory {
     /// # Errors
     /// Invalid parameters of camera or mirror.
     pub(super) fn is_explained(&mut self, problem: &Problem, undone: &[Mistake]) -> Result<bool> {
+        Ok(self.explained(problem, undone)? != Explained::Not)
+    }
+
+    /// The same, by a cause that is no part of a gross mistake.
+    ///
+    /// # Errors
+    /// Invalid parameters of camera or mirror.
+    pub(super) fn is_explained_as_usual(&mut self, problem: &Problem, undone: &[Mistake]) -> Result<bool> {
+        Ok(self.explained(problem, undone)? == Explained::ByUsual)
+    }
+
+    fn explained(&mut self, problem: &Problem, undone: &[Mistake]) -> Result<Explained> {
         let alone = self.alone.remembered(undone, || single_cause::alone(problem))?;
-        self.explained.remembered(undone, || single_cause::is_enough(problem, alone))
+        self.explained.remembered(undone, || single_cause::explained(problem, alone))
     }
 
     /// Gravity in another direction, beside the same.

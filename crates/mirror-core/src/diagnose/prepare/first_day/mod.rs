@@ -7,12 +7,11 @@
 //! 1. [`hung`]: rows that repeat one measurement are left out; [`optics`]: boards that no small error makes
 //!    possible, with the likeliest of other resolutions ([`resolutions`]); these mistakes are undone first;
 //! 2. [`background`]: what stands still in the picture under a marker's name is left out;
-//! 3. [`alternatives`] of the body and of the log, scored at the nominal model by a robust loss ([`misfit`]),
-//!    singly, and on top of the best few;
+//! 3. unless a single cause of a usual size explains everything ([`single_cause`]): [`alternatives`] of the body and of the
+//!    log, scored at the nominal model by a robust loss ([`misfit`]), singly, and on top of the best few;
 //! 4. [`verify`]: the best few against small errors of every kind at once, by marginal likelihood;
 //! 5. gravity in other directions, by the springs that its loads would need ([`loads`]);
-//! 6. slips and lost zeros during the session ([`changes`]), unless a single cause explains everything
-//!    ([`single_cause`]);
+//! 6. slips and lost zeros during the session ([`changes`]), unless a single cause explains everything;
 //! 7. columns that no effect describes ([`lost`]);
 //! 8. the best chain is undone exactly ([`mistake`]), and the usual search continues from there.
 
@@ -131,7 +130,10 @@ pub(crate) fn undone(
     }
     problem.cancel.check()?;
     out.leave_out_background()?;
-    let choice = of_the_body(&mut out, without, known, spoilt)?;
+    // What a single cause of a usual size explains to the noise no gross mistake explains better.
+    let usual =
+        known.is_none() && without.is_empty() && memory.is_explained_as_usual(&out.problem, &out.mistakes)?;
+    let choice = if usual { choice::Choice::none() } else { of_the_body(&mut out, without, known, spoilt)? };
     for mistake in &choice.mistakes {
         let first = out.told.len();
         if mistake.has_no_word() {

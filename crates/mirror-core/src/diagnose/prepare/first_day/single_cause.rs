@@ -12,7 +12,7 @@ use crate::diagnose::likelihood::score_test::{Score, screen};
 use crate::diagnose::model::deformation::Deformation;
 use crate::diagnose::model::problem::{Noise, Problem};
 use crate::diagnose::model::solver::SOLVER;
-use crate::diagnose::principles::A_GAP;
+use crate::diagnose::principles::{A_GAP, SURE_DEVIATIONS};
 use crate::error::Result;
 use std::sync::Arc;
 
@@ -37,20 +37,36 @@ pub(super) fn alone(problem: &Problem) -> Result<Option<Alone>> {
     Ok(Some(Alone { noise, likeliest }))
 }
 
+/// What explains a session's gap.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Explained {
+    /// No single cause.
+    Not,
+    /// A single cause that is larger than such an error usually is, and may be a part of a gross mistake.
+    ByLarge,
+    /// A single cause of a usual size, or nothing is needed.
+    ByUsual,
+}
+
 /// Whether nothing, or a single cause of the vocabulary, leaves no more than the noise: the stated one, or what the views
 /// of a posture show among themselves.
 ///
 /// # Errors
 /// Invalid parameters of camera or mirror.
-pub(super) fn is_enough(problem: &Problem, alone: Option<Alone>) -> Result<bool> {
-    let Some(Alone { noise, likeliest }) = alone else { return Ok(true) };
-    let Some(best) = likeliest else { return Ok(false) };
+pub(super) fn explained(problem: &Problem, alone: Option<Alone>) -> Result<Explained> {
+    let Some(Alone { noise, likeliest }) = alone else { return Ok(Explained::ByUsual) };
+    let Some(best) = likeliest else { return Ok(Explained::Not) };
     let best = best.fitted(noise)?;
-    if !is_gap(problem, best.left) {
-        return Ok(true);
-    }
-    let of_views = estimate(problem, &best.deformation(), problem.noise)?;
-    Ok(problem.of_observations(best.left) < A_GAP * problem.of_observations(of_views))
+    let is_enough = !is_gap(problem, best.left) || {
+        let of_views = estimate(problem, &best.deformation(), problem.noise)?;
+        problem.of_observations(best.left) < A_GAP * problem.of_observations(of_views)
+    };
+    let usual = best.model.terms.iter().all(|term| best.catalogue.deviations(term) <= SURE_DEVIATIONS);
+    Ok(match (is_enough, usual) {
+        (false, _) => Explained::Not,
+        (true, false) => Explained::ByLarge,
+        (true, true) => Explained::ByUsual,
+    })
 }
 
 /// Whether what is left is a gap.

@@ -11,7 +11,7 @@ use super::mistake::{LateKind, Mistake, in_time, rows_of_decay};
 use super::optics::CLEAR_LOSS;
 use super::outlying;
 use super::permuted::best_names;
-use super::single_cause::{self, Beside};
+use super::single_cause::{self, Beside, Explained};
 use super::variant::Variant;
 use crate::diagnose::data::recording::{Recording, Target};
 use crate::diagnose::effects::vocabulary;
@@ -373,7 +373,7 @@ fn a_factor_that_makes_a_column_constant_is_no_unit() {
 }
 
 /// Of a session in which one marker may be elsewhere from the middle on.
-fn one_is_enough(wrong: Vec<Wrong>, slipped_m: f64, stated_share: f64) -> bool {
+fn explained(wrong: Vec<Wrong>, slipped_m: f64, stated_share: f64) -> Explained {
     let world = World::new(4, false);
     let plan = Plan { postures: 30, views: 3, noise_px: 0.15, seed: 3, wrong };
     let mut after = World::new(4, false);
@@ -386,24 +386,26 @@ fn one_is_enough(wrong: Vec<Wrong>, slipped_m: f64, stated_share: f64) -> bool {
     let mut problem = problem_of(&world, &recording);
     problem.noise.corner_px = stated_share * plan.noise_px;
     problem.noise.marker_px = stated_share * plan.noise_px;
-    single_cause::is_enough(&problem, single_cause::alone(&problem).unwrap()).unwrap()
+    single_cause::explained(&problem, single_cause::alone(&problem).unwrap()).unwrap()
 }
 
 #[test]
 fn one_cause_is_enough_where_it_leaves_the_noise_that_is_stated_or_that_views_show() {
     let bone = World::new(4, false).bone("r_elbow");
     let ratio = || vec![Wrong::Ratio(bone, 0.08)];
-    assert!(one_is_enough(Vec::new(), 0.0, 1.0));
-    assert!(one_is_enough(ratio(), 0.0, 1.0));
-    assert!(one_is_enough(ratio(), 0.0, 0.7));
+    assert_eq!(explained(Vec::new(), 0.0, 1.0), Explained::ByUsual);
+    assert_eq!(explained(ratio(), 0.0, 1.0), Explained::ByUsual);
+    assert_eq!(explained(ratio(), 0.0, 0.7), Explained::ByUsual);
+    assert_eq!(explained(vec![Wrong::Ratio(bone, 0.2)], 0.0, 1.0), Explained::ByLarge);
 }
 
 #[test]
 fn one_cause_is_not_enough_beside_another_or_where_something_slipped() {
     let bone = World::new(4, false).bone("r_elbow");
-    assert!(!one_is_enough(Vec::new(), 0.008, 1.0));
-    assert!(!one_is_enough(Vec::new(), 0.008, 0.7));
-    assert!(!one_is_enough(vec![Wrong::Ratio(bone, 0.08), Wrong::Mount(0, [0.01, 0.0, 0.0])], 0.0, 1.0));
+    let both = vec![Wrong::Ratio(bone, 0.08), Wrong::Mount(0, [0.01, 0.0, 0.0])];
+    assert_eq!(explained(Vec::new(), 0.008, 1.0), Explained::Not);
+    assert_eq!(explained(Vec::new(), 0.008, 0.7), Explained::Not);
+    assert_eq!(explained(both, 0.0, 1.0), Explained::Not);
 }
 
 /// Panes are up to 10 cm thick; a file that tells 9.5 cm of one of 12 makes the linear estimate a pane that is none.
