@@ -288,6 +288,9 @@ pub(crate) fn told_together(diagnosis: &Diagnosis, problem: &Problem) -> Option<
     left_out_together(&diagnosis.data, problem)
 }
 
+/// The warning where a search ended at its limit of work.
+pub(crate) const LIMIT_REACHED: &str = "the limit of work was reached: not every alternative was tried, and what is told is of the most probable model found until then";
+
 /// Takes a verdict back that the counted data do not carry. `together`: of [`told_together`].
 pub(crate) fn reserve(diagnosis: &mut Diagnosis, findings: &Findings<'_>, together: Option<LeftOutTogether>) {
     if diagnosis.verdict == Verdict::None && evidence::much_is_false(&diagnosis.data) {
@@ -364,10 +367,7 @@ pub(crate) fn reserve(diagnosis: &mut Diagnosis, findings: &Findings<'_>, togeth
     let budget = &findings.search.problem.budget;
     diagnosis.trace.push(format!("work: {:.0} % of the limit", 100.0 * budget.share_of_session()));
     if budget.is_spent() {
-        diagnosis.warnings.push(
-            "the limit of work was reached: not every alternative was tried, and what is told is of the most probable model found until then"
-                .into(),
-        );
+        diagnosis.warnings.push(LIMIT_REACHED.into());
         diagnosis.sentence += match diagnosis.verdict {
             Verdict::Partial | Verdict::Unknown => {
                 " The search ended at its limit of work: an effect of the vocabulary may still explain it."

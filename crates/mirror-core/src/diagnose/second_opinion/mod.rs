@@ -36,6 +36,7 @@ use crate::diagnose::prepare::options::{DiagnoseOptions, OtherSession};
 use crate::diagnose::prepare::prepared::Prepared;
 use crate::diagnose::principles::UNTHOUGHT_OF;
 use crate::diagnose::report::board_shape::tell;
+use crate::diagnose::report::reservations::LIMIT_REACHED;
 use crate::error::Result;
 use crate::robot::Robot;
 use reason::{
@@ -161,14 +162,17 @@ fn accepted(
 fn is_over(found: &mut Outcome) -> bool {
     let over = found.budget.is_over();
     let warnings = &mut found.diagnosis.warnings;
-    if over && !warnings.iter().any(|told| told == NO_SECOND) {
-        warnings.push(NO_SECOND.into());
+    if over && !warnings.iter().any(|told| told.ends_with(NO_SECOND)) {
+        match warnings.iter_mut().find(|told| *told == LIMIT_REACHED) {
+            Some(told) => *told = format!("{told}; {NO_SECOND}"),
+            None => warnings.push(format!("the limit of work was reached: {NO_SECOND}")),
+        }
     }
     over
 }
 
-/// The warning where the budget did not suffice for a second diagnosis.
-const NO_SECOND: &str = "the limit of work was reached: there is reason for a second diagnosis with other assumptions, which was not made";
+/// What the warning says where the budget did not suffice for a second diagnosis.
+const NO_SECOND: &str = "there is reason for a second diagnosis with other assumptions, which was not made";
 
 /// Whether the same mistakes were undone, apart from their parameters.
 fn same_mistakes(a: &[Cause], b: &[Cause]) -> bool {

@@ -4,6 +4,7 @@ use super::gap_world::{Plan, World, Wrong};
 use crate::diagnose::effects::hypothesis::{Catalogue, Model, Term};
 use crate::diagnose::effects::vocabulary;
 use crate::diagnose::likelihood::fit::{Active, FitOptions, Group, fit};
+use crate::diagnose::likelihood::fit_without_each::fit_without_each;
 use crate::diagnose::likelihood::linearised::Linearised;
 use crate::diagnose::likelihood::normal_equations::Normal;
 use crate::diagnose::likelihood::score_test::{Score, screen};
@@ -52,6 +53,46 @@ fn planes_from_nearby_give_the_equations_of_planes_from_afar() {
         let miss = (foretold.unwrap() - found.unwrap()).norm();
         assert!(miss < 3e-5, "{miss:e} m");
     }
+}
+
+/// The first step of all of them is from one pass over the frames; with optics the planes are those of each frame's own part.
+#[test]
+fn fits_without_each_part_are_the_fits_to_the_others() {
+    let problem = problem();
+    let catalogue = catalogue(&problem);
+    let named = |name: &str| {
+        (0..catalogue.hypotheses.len()).find(|&h| catalogue.name(&problem.scene, h) == name).unwrap()
+    };
+    let none = Group::default();
+    let options = FitOptions { noise: NOISE, steps: 4 };
+    // Parts whose frames lie among each other's.
+    let labels: Vec<usize> = (0..problem.frames.len()).map(|frame| (frame + frame / 3) % 3).collect();
+    for others in [vec![], vec!["camera_focal@camera", "mirror_curvature@mirror"]] {
+        let mut start = Model::nominal(&problem).with(&catalogue, named("joint_offset@joint:r_elbow"), 0.0);
+        for other in others {
+            start = start.with(&catalogue, named(other), 0.0);
+        }
+        let start = fit(&problem, &catalogue, &none, &start, options, None).unwrap().model;
+        let all = fit_without_each(&problem, &catalogue, &none, &start, options, &labels).unwrap();
+        assert_eq!(all.len(), 3);
+        for (part, fitted) in all.iter().enumerate() {
+            let mask: Vec<bool> = labels.iter().map(|label| *label != part).collect();
+            let alone = fit(&problem, &catalogue, &none, &start, options, Some(&mask)).unwrap();
+            assert!((fitted.log_evidence - alone.log_evidence).abs() < 1e-6);
+            assert!((fitted.misfit - alone.misfit).abs() < 1e-6);
+            for (i, (one, other)) in fitted.model.terms.iter().zip(&alone.model.terms).enumerate() {
+                let moved = (one.parameters[0] - other.parameters[0]).abs() / alone.stds(i)[0];
+                assert!(moved < 1e-6, "{moved:e} deviations");
+            }
+            // Not the fit to all frames.
+            let moved = (fitted.model.terms[0].parameters[0] - start.terms[0].parameters[0]).abs();
+            assert!(moved > 0.01 * alone.stds(0)[0], "{moved:e} rad");
+        }
+    }
+    // A single part has no others.
+    let one = vec![0; labels.len()];
+    let start = Model::nominal(&problem).with(&catalogue, named("joint_offset@joint:r_elbow"), 0.0);
+    assert_eq!(fit_without_each(&problem, &catalogue, &none, &start, options, &one).unwrap().len(), 1);
 }
 
 /// A camera that looks elsewhere finds no board in any mirror: its frames must not be cheaper than frames that are seen badly.
