@@ -151,7 +151,7 @@ pub(crate) fn add_products(left: Filled<'_>, right: Filled<'_>, half: bool, sums
     add_tiles(left.0, right.0, half, sums);
 }
 
-/// Some columns by some others at once, in registers, over the rows in which any of both is not 0: a joint of one arm moves no
+/// Some columns by some others at once, in registers, over the rows in which neither are all 0: a joint of one arm moves no
 /// marker of the other.
 #[multiversion(targets("x86_64+avx512f", "x86_64+avx2"))]
 fn add_tiles(left: &Table, right: &Table, half: bool, sums: &mut [f64]) {
