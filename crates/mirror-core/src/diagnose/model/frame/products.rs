@@ -137,7 +137,8 @@ fn add_three(row: &[f64], by: &[f64; PROJECTED], to: &mut [f64]) {
 /// Marks, for each [`LANES`] columns, the rows in which any of them is not 0: a bit for each.
 #[multiversion(targets("x86_64+avx512f", "x86_64+avx2"))]
 fn mark_filled(values: &[f64], stride: usize, words: usize, filled: &mut [u64]) {
-    for (row, values) in values.chunks_exact(stride).enumerate() {
+    // Nothing is written of no columns.
+    for (row, values) in values.chunks_exact(stride.max(1)).enumerate() {
         for (tile, columns) in values.chunks_exact(LANES).enumerate() {
             let any = columns.iter().fold(false, |any, x| any | (*x != 0.0));
             filled[tile * words + row / BITS] |= u64::from(any) << (row % BITS);
@@ -260,6 +261,19 @@ mod tests {
                 }
             }
         }
+    }
+
+    #[test]
+    fn of_no_columns_there_are_no_products() {
+        let (mut none, mut some) = (Table::default(), Table::default());
+        none.clear(0, 3);
+        some.clear(2, 3);
+        some.write(1, &[1.0; 3 + PROJECTED], 1.0);
+        let (none, some) = (none.filled(), some.filled());
+        let mut sums = Vec::new();
+        add_products(none, some, false, &mut sums);
+        add_products(none, none, true, &mut sums);
+        assert!(sums.is_empty());
     }
 
     #[test]

@@ -130,9 +130,12 @@ pub(crate) fn undone(
     }
     problem.cancel.check()?;
     out.leave_out_background()?;
-    // What a single cause of a usual size explains to the noise no gross mistake explains better.
-    let usual =
-        known.is_none() && without.is_empty() && memory.is_explained_as_usual(&out.problem, &out.mistakes)?;
+    // What a single cause of a usual size explains to the noise no gross mistake explains better, unless the boards that show one were
+    // left out.
+    let usual = known.is_none()
+        && without.is_empty()
+        && !boards_may_hang_on_joints(&out)
+        && memory.is_explained_as_usual(&out.problem, &out.mistakes)?;
     let choice = if usual { choice::Choice::none() } else { of_the_body(&mut out, without, known, spoilt)? };
     for mistake in &choice.mistakes {
         let first = out.told.len();

@@ -1,7 +1,8 @@
 //! Single causes before anything else is known: the likeliest by the score test, fitted.
 //!
 //! Where one small cause explains everything to the noise, no slip can explain more, which is compared with small errors
-//! of every kind at once: it need not be searched.
+//! of every kind at once: it need not be searched. Nor need other gross mistakes, unless the cause is larger than such an
+//! error usually is: then it may be a part of one.
 
 use super::verify::all_at_once;
 use crate::diagnose::effects::hypothesis::{Catalogue, Model};
