@@ -14,11 +14,10 @@
 //! selection" (2006).
 
 use crate::diagnose::assessment::findings::Findings;
-use crate::diagnose::criteria::cross_validation::{PostureGap, gap_of, size};
-use crate::diagnose::criteria::regions::{frames_of, regions};
+use crate::diagnose::criteria::cross_validation::{PostureGap, gaps_in, size};
+use crate::diagnose::criteria::regions::{all_but, frames_of, only, regions};
 use crate::diagnose::data::diagnosis::ChosenAnew;
 use crate::diagnose::likelihood::fit::{FitOptions, fit};
-use crate::diagnose::likelihood::saturated::free_markers;
 use crate::diagnose::likelihood::score_test::Score;
 use crate::diagnose::model::solver::SOLVER;
 use crate::diagnose::selection::competing::Competing;
@@ -55,16 +54,14 @@ pub(crate) fn chosen_anew(findings: &Findings<'_>, ranking: &[Score]) -> Result<
                 let own = |g: &&PostureGap| labels[g.frame] == region;
                 return Ok((false, findings.after.iter().filter(own).copied().collect()));
             };
-            let train: Vec<bool> = labels.iter().map(|l| *l != region).collect();
-            let test: Vec<bool> = labels.iter().map(|l| *l == region).collect();
+            let (train, test) = (all_but(&labels, region), only(&labels, region));
             let start = linear.model_with(search, &found.fit.model, (&equations, &set));
             let options = FitOptions { noise: found.noise, steps: SOLVER.final_steps };
             let mut model = fit(problem, catalogue, &search.group, &start, options, Some(&train))?.model;
             // Free-form errors cannot be added to a model.
             model.terms.retain(|t| !catalogue.is_free(t.hypothesis));
             let deformation = search.deformation(&model);
-            let seen = free_markers(problem, &deformation, search.detector_noise(), true, Some(&test))?;
-            Ok((true, seen.iter().map(gap_of).collect()))
+            Ok((true, gaps_in(problem, &deformation, search.detector_noise(), Some(&test))?))
         })
         .collect::<Result<Vec<_>>>()?;
     let gap = size(&gaps.iter().flat_map(|(_, gaps)| gaps.iter().copied()).collect::<Vec<_>>());

@@ -1,9 +1,9 @@
 //! Cross-validation: the gap on postures that were not fitted.
 
-use crate::diagnose::criteria::regions::regions;
+use crate::diagnose::criteria::fit_without_each::fit_without_each;
+use crate::diagnose::criteria::regions::{frames_of, only, regions};
 use crate::diagnose::effects::hypothesis::{Catalogue, Model};
 use crate::diagnose::likelihood::fit::{FitOptions, Group};
-use crate::diagnose::likelihood::fit_without_each::fit_without_each;
 use crate::diagnose::likelihood::saturated::{FreePosture, free_markers};
 use crate::diagnose::model::deformation::Deformation;
 use crate::diagnose::model::problem::{Noise, Problem};
@@ -42,8 +42,7 @@ pub(crate) fn held_out(
     let labels = regions(problem);
     let nothing_to_fit = model.terms.is_empty() && model.nuisances.is_empty() && model.group.is_empty();
     let fitted = if nothing_to_fit {
-        let count = labels.iter().max().map_or(0, |most| most + 1);
-        vec![model.clone(); count]
+        vec![model.clone(); frames_of(&labels).len()]
     } else {
         let options = FitOptions { noise, steps: SOLVER.candidate_steps };
         let fits = fit_without_each(problem, catalogue, group, model, options, &labels)?;
@@ -53,13 +52,11 @@ pub(crate) fn held_out(
         .into_par_iter()
         .enumerate()
         .map(|(region, mut fitted)| -> Result<Vec<PostureGap>> {
-            let test: Vec<bool> = labels.iter().map(|l| *l == region).collect();
             if of_causes_alone {
                 fitted.terms.retain(|t| !catalogue.is_free(t.hypothesis));
             }
             let deformation = fitted.deformation(problem, catalogue, &group.columns);
-            let postures = free_markers(problem, &deformation, measured, true, Some(&test))?;
-            Ok(postures.iter().map(gap_of).collect())
+            gaps_in(problem, &deformation, measured, Some(&only(&labels, region)))
         })
         .collect::<Result<Vec<_>>>()?;
     let mut out = parts.concat();
@@ -76,7 +73,20 @@ pub(crate) fn in_sample(
     deformation: &Deformation,
     measured: Noise,
 ) -> Result<Vec<PostureGap>> {
-    Ok(free_markers(problem, deformation, measured, true, None)?.iter().map(gap_of).collect())
+    gaps_in(problem, deformation, measured, None)
+}
+
+/// The same on the postures that `mask` lets count.
+///
+/// # Errors
+/// Invalid parameters of the camera or mirror.
+pub(crate) fn gaps_in(
+    problem: &Problem,
+    deformation: &Deformation,
+    measured: Noise,
+    mask: Option<&[bool]>,
+) -> Result<Vec<PostureGap>> {
+    Ok(free_markers(problem, deformation, measured, true, mask)?.iter().map(gap_of).collect())
 }
 
 /// A posture's gap: what lies along a single view's ray is not seen and does not count.

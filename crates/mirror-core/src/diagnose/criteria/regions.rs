@@ -16,6 +16,16 @@ pub(crate) fn frames_of(labels: &[usize]) -> Vec<Vec<usize>> {
     out
 }
 
+/// Which frames are in a region, given the region of each frame.
+pub(crate) fn only(labels: &[usize], region: usize) -> Vec<bool> {
+    labels.iter().map(|label| *label == region).collect()
+}
+
+/// Which are in another one.
+pub(crate) fn all_but(labels: &[usize], region: usize) -> Vec<bool> {
+    labels.iter().map(|label| *label != region).collect()
+}
+
 /// The region of each frame: k-means on the standardised commanded positions of the moving joints, one row a
 /// posture.
 ///

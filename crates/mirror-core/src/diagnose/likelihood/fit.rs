@@ -207,7 +207,7 @@ pub(crate) fn fit_below(
 }
 
 /// As [`fit_below`], from a model that is linearised already.
-pub(super) fn fit_on(
+pub(crate) fn fit_on(
     problem: &Problem,
     catalogue: &Catalogue,
     group: &Group,
@@ -285,7 +285,7 @@ pub(super) fn fit_on(
 ///
 /// # Errors
 /// Invalid parameters of the camera or mirror.
-pub(super) fn linearise(
+pub(crate) fn linearise(
     problem: &Problem,
     catalogue: &Catalogue,
     group: &Group,

@@ -4,7 +4,6 @@ mod constant_columns;
 pub(super) mod covariance;
 pub(super) mod factor;
 pub(super) mod fit;
-pub(super) mod fit_without_each;
 pub(super) mod joint_scatter;
 pub(super) mod linearised;
 pub(super) mod noise;

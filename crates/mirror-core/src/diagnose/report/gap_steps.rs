@@ -6,13 +6,12 @@
 //! fitted again at each step.
 
 use crate::diagnose::assessment::findings::Findings;
-use crate::diagnose::criteria::cross_validation::{GapSize, PostureGap, gap_of, size};
-use crate::diagnose::criteria::regions::regions;
+use crate::diagnose::criteria::cross_validation::{GapSize, PostureGap, gaps_in, size};
+use crate::diagnose::criteria::fit_without_each::fit_without_each;
+use crate::diagnose::criteria::regions::{all_but, only, regions};
 use crate::diagnose::data::diagnosis::{Cause, GapStep};
 use crate::diagnose::effects::hypothesis::Model;
 use crate::diagnose::likelihood::fit::{Fit, FitOptions, fit};
-use crate::diagnose::likelihood::fit_without_each::fit_without_each;
-use crate::diagnose::likelihood::saturated::free_markers;
 use crate::diagnose::model::solver::SOLVER;
 use crate::error::Result;
 use rayon::prelude::*;
@@ -70,27 +69,25 @@ fn sizes(findings: &Findings<'_>, parts: &[Part], wanted: &[usize]) -> Result<Ve
     let (problem, model) = (findings.reported(), &findings.found.fit.model);
     let options = FitOptions { noise: findings.found.noise, steps: SOLVER.candidate_steps };
     let labels = regions(problem);
-    let count = labels.iter().max().map_or(0, |m| m + 1);
     let fits = fit_without_each(problem, search.catalogue, &search.group, model, options, &labels)?;
+    let single = fits.len() == 1;
     let of_regions = fits
         .into_par_iter()
         .enumerate()
         .map(|(region, Fit { model: fitted, .. })| -> Result<Vec<Vec<PostureGap>>> {
-            let train: Vec<bool> = labels.iter().map(|l| *l != region || count == 1).collect();
-            let test: Vec<bool> = labels.iter().map(|l| *l == region).collect();
+            let (train, test) = (all_but(&labels, region), only(&labels, region));
+            // A single region is fitted to itself.
+            let train = Some(train.as_slice()).filter(|_| !single);
             wanted
                 .iter()
                 .map(|&k| {
                     let mut some = with_first(findings, &fitted, parts, k);
                     if !some.nuisances.is_empty() {
                         let options = FitOptions { steps: SOLVER.rounds, ..options };
-                        some = fit(problem, search.catalogue, &search.group, &some, options, Some(&train))?
-                            .model;
+                        some = fit(problem, search.catalogue, &search.group, &some, options, train)?.model;
                     }
                     let deformation = some.deformation(problem, search.catalogue, &search.group.columns);
-                    let postures =
-                        free_markers(problem, &deformation, search.detector_noise(), true, Some(&test))?;
-                    Ok(postures.iter().map(gap_of).collect())
+                    gaps_in(problem, &deformation, search.detector_noise(), Some(&test))
                 })
                 .collect()
         })

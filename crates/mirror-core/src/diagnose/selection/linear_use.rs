@@ -8,10 +8,9 @@
 //! on held-out regions, too, but only if they are larger by much. So they can one of them that is large: a zero by a degree is
 //! shared out among its neighbours. Such a cause is kept where the evidence says so, the scales estimated with and without it.
 
-use crate::diagnose::criteria::cross_validation::{PostureGap, gap_of, seen_size};
-use crate::diagnose::criteria::regions::{frames_of, regions};
+use crate::diagnose::criteria::cross_validation::{PostureGap, gaps_in, seen_size};
+use crate::diagnose::criteria::regions::{frames_of, only, regions};
 use crate::diagnose::effects::Effect;
-use crate::diagnose::likelihood::saturated::free_markers;
 use crate::diagnose::principles::{LEAST_HELD_OUT_GAIN, LEAST_HELD_OUT_RATIO, LEAST_LOG_ODDS, TEMPER};
 use crate::diagnose::random_effects::geometric_tolerances::Geometry;
 use crate::diagnose::selection::competing::Competing;
@@ -43,11 +42,8 @@ pub(super) fn drop_useless_beside(
     let gap_with = |set: &[usize]| -> Result<f64> {
         let of_region = |region: usize| -> Result<Vec<PostureGap>> {
             let fitted = linear.model_with(search, &model, (&linear.all_but(region), set));
-            let test: Vec<bool> = labels.iter().map(|l| *l == region).collect();
-            let deformation = search.deformation(&fitted);
-            let seen =
-                free_markers(&search.problem, &deformation, search.detector_noise(), true, Some(&test))?;
-            Ok(seen.iter().map(gap_of).collect())
+            let (measured, test) = (search.detector_noise(), only(&labels, region));
+            gaps_in(&search.problem, &search.deformation(&fitted), measured, Some(&test))
         };
         let gaps = (0..parts.len()).into_par_iter().map(of_region).collect::<Result<Vec<_>>>()?;
         Ok(seen_size(&gaps.concat()))

@@ -1,10 +1,10 @@
 //! Shortcuts of the search against the long way: planes from nearby, evidence without a fit.
 
 use super::gap_world::{Plan, World, Wrong};
+use crate::diagnose::criteria::fit_without_each::fit_without_each;
 use crate::diagnose::effects::hypothesis::{Catalogue, Model, Term};
 use crate::diagnose::effects::vocabulary;
 use crate::diagnose::likelihood::fit::{Active, FitOptions, Group, fit};
-use crate::diagnose::likelihood::fit_without_each::fit_without_each;
 use crate::diagnose::likelihood::linearised::Linearised;
 use crate::diagnose::likelihood::normal_equations::Normal;
 use crate::diagnose::likelihood::score_test::{Score, screen};
@@ -26,6 +26,11 @@ fn problem() -> Problem {
 
 fn catalogue(problem: &Problem) -> Catalogue {
     Catalogue::new(&problem.scene, vocabulary().into_iter().map(Arc::from).collect(), &[])
+}
+
+/// A hypothesis by its name.
+fn named(problem: &Problem, catalogue: &Catalogue, name: &str) -> usize {
+    (0..catalogue.hypotheses.len()).find(|&h| catalogue.name(&problem.scene, h) == name).unwrap()
 }
 
 #[test]
@@ -60,17 +65,18 @@ fn planes_from_nearby_give_the_equations_of_planes_from_afar() {
 fn fits_without_each_part_are_the_fits_to_the_others() {
     let problem = problem();
     let catalogue = catalogue(&problem);
-    let named = |name: &str| {
-        (0..catalogue.hypotheses.len()).find(|&h| catalogue.name(&problem.scene, h) == name).unwrap()
-    };
     let none = Group::default();
     let options = FitOptions { noise: NOISE, steps: 4 };
     // Parts whose frames lie among each other's.
     let labels: Vec<usize> = (0..problem.frames.len()).map(|frame| (frame + frame / 3) % 3).collect();
     for others in [vec![], vec!["camera_focal@camera", "mirror_curvature@mirror"]] {
-        let mut start = Model::nominal(&problem).with(&catalogue, named("joint_offset@joint:r_elbow"), 0.0);
+        let mut start = Model::nominal(&problem).with(
+            &catalogue,
+            named(&problem, &catalogue, "joint_offset@joint:r_elbow"),
+            0.0,
+        );
         for other in others {
-            start = start.with(&catalogue, named(other), 0.0);
+            start = start.with(&catalogue, named(&problem, &catalogue, other), 0.0);
         }
         let start = fit(&problem, &catalogue, &none, &start, options, None).unwrap().model;
         let all = fit_without_each(&problem, &catalogue, &none, &start, options, &labels).unwrap();
@@ -91,7 +97,11 @@ fn fits_without_each_part_are_the_fits_to_the_others() {
     }
     // A single part has no others.
     let one = vec![0; labels.len()];
-    let start = Model::nominal(&problem).with(&catalogue, named("joint_offset@joint:r_elbow"), 0.0);
+    let start = Model::nominal(&problem).with(
+        &catalogue,
+        named(&problem, &catalogue, "joint_offset@joint:r_elbow"),
+        0.0,
+    );
     assert_eq!(fit_without_each(&problem, &catalogue, &none, &start, options, &one).unwrap().len(), 1);
 }
 
@@ -116,12 +126,13 @@ fn frames_that_a_model_loses_cost_what_false_observations_cost() {
 fn evidence_without_a_fit_is_that_of_the_fit() {
     let problem = problem();
     let catalogue = catalogue(&problem);
-    let named = |name: &str| {
-        (0..catalogue.hypotheses.len()).find(|&h| catalogue.name(&problem.scene, h) == name).unwrap()
-    };
     let nominal = Model::nominal(&problem);
-    let offset = named("joint_offset@joint:r_elbow");
-    let start = nominal.with(&catalogue, offset, 0.0).with(&catalogue, named("camera_focal@camera"), 0.0);
+    let offset = named(&problem, &catalogue, "joint_offset@joint:r_elbow");
+    let start = nominal.with(&catalogue, offset, 0.0).with(
+        &catalogue,
+        named(&problem, &catalogue, "camera_focal@camera"),
+        0.0,
+    );
     let options = |steps| FitOptions { noise: NOISE, steps };
     let none = Group::default();
     let found = fit(&problem, &catalogue, &none, &start, options(12), None).unwrap();
@@ -144,9 +155,7 @@ fn what_others_can_explain_as_well_they_explain_once_a_cause_is_taken_out() {
     let plan = Plan { postures: 12, noise_px: 0.15, wrong, ..Plan::default() };
     let problem = Problem::new(&robot, &world.record(&plan)).unwrap();
     let catalogue = catalogue(&problem);
-    let offset = (0..catalogue.hypotheses.len())
-        .find(|&h| catalogue.name(&problem.scene, h) == "joint_offset@joint:r_elbow")
-        .unwrap();
+    let offset = named(&problem, &catalogue, "joint_offset@joint:r_elbow");
     let shifts = (0..world.markers.len()).flat_map(|m| (0..3).map(move |k| Atom::MarkerShift(m, k)));
     let columns: Vec<Column> = shifts.map(Column::constant).collect();
     let mut start = Model::nominal(&problem).with(&catalogue, offset, 0.0);

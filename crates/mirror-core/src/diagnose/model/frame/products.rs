@@ -71,6 +71,12 @@ impl Table {
         Filled(self)
     }
 
+    /// The rows in which [`LANES`] columns are not all 0, by their first: a bit for each.
+    #[inline(always)]
+    fn filled_from(&self, first: usize) -> &[u64] {
+        &self.filled[first / LANES * self.words..][..self.words]
+    }
+
     /// Leaves out all columns but the first ones.
     pub fn keep_first(&mut self, columns: usize) {
         self.columns = self.columns.min(columns);
@@ -156,14 +162,12 @@ pub(crate) fn add_products(left: Filled<'_>, right: Filled<'_>, half: bool, sums
 /// marker of the other.
 #[multiversion(targets("x86_64+avx512f", "x86_64+avx2"))]
 fn add_tiles(left: &Table, right: &Table, half: bool, sums: &mut [f64]) {
-    let (stride, words) = (right.stride, right.words);
+    let stride = right.stride;
     for j in (0..left.columns).step_by(LANES) {
-        let of_left = &left.filled[j / LANES * words..][..words];
         let few = LANES.min(left.columns - j);
         let end = if half { j + LANES } else { stride };
         for i in (0..end).step_by(LANES) {
-            let of_right = &right.filled[i / LANES * words..][..words];
-            let tile = products_of(((left, j), of_left), ((right, i), of_right));
+            let tile = products_of((left, j), (right, i));
             for (k, tile) in tile[..few].iter().enumerate() {
                 let sums = &mut sums[(j + k) * stride + i..][..LANES];
                 sums.iter_mut().zip(tile).for_each(|(sum, x)| *sum += x);
@@ -172,17 +176,13 @@ fn add_tiles(left: &Table, right: &Table, half: bool, sums: &mut [f64]) {
     }
 }
 
-/// The products of some columns with some others, each with the rows in which it is not 0. A sum for each column by name: only these
-/// stay in registers.
+/// The products of [`LANES`] columns, from the j-th on, with as many others. A sum for each column by name: only these stay in registers.
 #[inline(always)]
-fn products_of(
-    ((left, j), of_left): ((&Table, usize), &[u64]),
-    ((right, i), of_right): ((&Table, usize), &[u64]),
-) -> [[f64; LANES]; LANES] {
+fn products_of((left, j): (&Table, usize), (right, i): (&Table, usize)) -> [[f64; LANES]; LANES] {
     let none = [0.0; LANES];
     let (mut a, mut b, mut c, mut d) = (none, none, none, none);
     let (mut e, mut f, mut g, mut h) = (none, none, none, none);
-    for (word, (one, other)) in of_left.iter().zip(of_right).enumerate() {
+    for (word, (one, other)) in left.filled_from(j).iter().zip(right.filled_from(i)).enumerate() {
         let mut bits = one & other;
         while bits != 0 {
             let row = word * BITS + bits.trailing_zeros() as usize;

@@ -131,7 +131,7 @@ pub(crate) fn undone(
     problem.cancel.check()?;
     out.leave_out_background()?;
     // What a single cause of a usual size explains to the noise no gross mistake explains better, unless the boards that show one were
-    // left out.
+    // left out; who switches an effect off asks what else it could be.
     let usual = known.is_none()
         && without.is_empty()
         && !boards_may_hang_on_joints(&out)

@@ -3,6 +3,7 @@
 //! All begin at the same parameters. There the normal equations of all frames but a part's are those of the other parts added
 //! up: `H₋ᵣ = Σ Hₛ, s ≠ r`. So their first step together takes one pass over the frames, not one for each part.
 
+use crate::diagnose::criteria::regions::{all_but, frames_of, only};
 use crate::diagnose::effects::hypothesis::{Catalogue, Model};
 use crate::diagnose::likelihood::fit::{Fit, FitOptions, Group, fit, fit_on, linearise};
 use crate::diagnose::likelihood::normal_equations::Normal;
@@ -23,13 +24,13 @@ pub(crate) fn fit_without_each(
     options: FitOptions,
     labels: &[usize],
 ) -> Result<Vec<Fit>> {
-    let count = labels.iter().max().map_or(0, |most| most + 1);
+    let count = frames_of(labels).len();
     if count < 2 {
         return Ok(vec![fit(problem, catalogue, group, start, options, None)?]);
     }
     let planes = start.planes.as_deref();
     let of_part = |part: usize| {
-        let own: Vec<bool> = labels.iter().map(|l| *l == part).collect();
+        let own = only(labels, part);
         linearise(problem, catalogue, group, start, options.noise, planes, Some(&own))
     };
     let parts = (0..count).into_par_iter().map(of_part).collect::<Result<Vec<_>>>()?;
@@ -37,8 +38,7 @@ pub(crate) fn fit_without_each(
         let others = parts.iter().enumerate().filter(|(other, _)| *other != part);
         let normal = Normal::of_parts(&others.map(|(_, (normal, _))| normal).collect::<Vec<_>>());
         let first = (start, (normal, parts[part].1.clone()));
-        let mask: Vec<bool> = labels.iter().map(|l| *l != part).collect();
-        fit_on(problem, catalogue, group, first, options, Some(&mask), f64::INFINITY)
+        fit_on(problem, catalogue, group, first, options, Some(&all_but(labels, part)), f64::INFINITY)
     };
     Ok((0..count).into_par_iter().map(without).collect())
 }
