@@ -19,6 +19,7 @@ if sys.version_info >= (3, 11):
 else:  # pragma: no cover
     import tomli as tomllib
 
+PICTURE_SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".webp", ".pgm", ".ppm")
 LARGEST_TEXT = 1_000_000
 """Bytes of a text of keys (TOML, YAML) at most: the largest known ones have some ten thousand."""
 LARGEST_MODEL = 64_000_000

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import colorsys
-import math
 from dataclasses import dataclass
 
 from ._core import MirrorPostureError
+from .formats.keys import finite
 
 
 @dataclass(frozen=True)
@@ -22,14 +22,14 @@ class ColorRange:
     min_value: float = 0.25
 
     def __post_init__(self) -> None:
-        if not (_is_number(self.hue_deg) and 0.0 <= self.hue_deg < 360.0):
+        if not (finite(self.hue_deg) is not None and 0.0 <= self.hue_deg < 360.0):
             raise MirrorPostureError(f"color hue = {self.hue_deg}: needs degrees in [0, 360)")
-        if not (_is_number(self.hue_tolerance_deg) and 0.0 < self.hue_tolerance_deg <= 180.0):
+        if not (finite(self.hue_tolerance_deg) is not None and 0.0 < self.hue_tolerance_deg <= 180.0):
             raise MirrorPostureError(
                 f"color hue_tolerance = {self.hue_tolerance_deg}: needs degrees in (0, 180]"
             )
         for name, value in (("min_saturation", self.min_saturation), ("min_value", self.min_value)):
-            if not (_is_number(value) and 0.0 <= value <= 1.0):
+            if not (finite(value) is not None and 0.0 <= value <= 1.0):
                 raise MirrorPostureError(f"color {name} = {value}: needs a number in [0, 1] (not 0 to 255)")
 
 
@@ -54,7 +54,3 @@ class Marker:
         if self.color is None:
             return value, value, value
         return colorsys.hsv_to_rgb(self.color.hue_deg / 360.0, saturation, value)
-
-
-def _is_number(value: object) -> bool:
-    return isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)

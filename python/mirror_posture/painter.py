@@ -10,7 +10,6 @@ import math
 import os
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -18,19 +17,14 @@ import numpy.typing as npt
 
 from ._core import MirrorPostureError, PictureMaker
 from .arrays import Floats
-from .camera import Camera
 from .input_files import LARGEST_MODEL, given_text
 from .mirror import FLOAT_GLASS_INDEX
-from .session.camera_info import load_camera_info
-from .session.metadata import Metadata, load_metadata
+from .robots.nominal import EMBEDDED_FOLDER, Nominal
 from .short_repr import ShortRepr
 from .viewpoint import View
 
 Positions = Mapping[str, float]
 LinkPoses = Mapping[str, Floats]
-
-EMBEDDED_FOLDER = Path(__file__).parent / "embedded"
-"""The embedded robot: robot.urdf, camera.yaml, session.toml."""
 
 BALL_SATURATION, BALL_VALUE = 0.94, 0.85
 """The balls' paint, as saturation and value of their marker's hue."""
@@ -104,10 +98,7 @@ def view_planes(views: Iterable[View], board_in_root_m: npt.ArrayLike) -> tuple[
 class Painter:
     """Draws one robot with one camera: made once, used for any posture and mirror."""
 
-    folder: Path
-    """The folder of the template: session.toml, robot.urdf, camera.yaml."""
-    metadata: Metadata
-    camera: Camera
+    nominal: Nominal
     maker: PictureMaker = field(repr=False)
 
     @classmethod
@@ -116,28 +107,25 @@ class Painter:
 
         Raises `MirrorPostureError` for a template without a camera or with a board or marker that cannot be drawn.
         """
-        folder = Path(folder)
-        metadata = load_metadata(folder)
-        if metadata.camera is None or metadata.camera_link is None:
-            raise MirrorPostureError(
-                f"{folder / 'session.toml'}: has no camera; pictures need `camera` and [camera_mount]"
-            )
-        camera = load_camera_info(folder / metadata.camera, metadata.camera)
+        nominal = Nominal.load(folder)
+        file, metadata, camera = nominal.folder / "session.toml", nominal.metadata, nominal.camera
+        if camera is None or metadata.camera_link is None:
+            raise MirrorPostureError(f"{file}: has no camera; pictures need `camera` and [camera_mount]")
         board = metadata.board
         if board is not None and board.pattern != "chessboard":
             raise MirrorPostureError(
-                f"{folder / 'session.toml'}: [board] pattern {board.pattern!r} cannot be drawn, only 'chessboard'"
+                f"{file}: [board] pattern {board.pattern!r} cannot be drawn, only 'chessboard'"
             )
         balls = []
         for marker in metadata.markers:
             if marker.diameter_m <= 0.0:
                 raise MirrorPostureError(
-                    f"{folder / 'session.toml'}: marker {marker.name!r} has diameter 0; only balls can be drawn"
+                    f"{file}: marker {marker.name!r} has diameter 0; only balls can be drawn"
                 )
             rgb = list(marker.rgb(BALL_SATURATION, BALL_VALUE))
             balls.append((marker.name, marker.link, marker.diameter_m, rgb))
         maker = PictureMaker(
-            given_text(folder / metadata.robot, "the robot's URDF", LARGEST_MODEL),
+            given_text(nominal.robot_file, "the robot's URDF", LARGEST_MODEL),
             size_px=camera.size_px,
             focal_px=camera.focal_px,
             center_px=camera.center_px,
@@ -146,7 +134,7 @@ class Painter:
             board=None if board is None else (board.link, board.columns, board.rows, board.square_m),
             balls=balls,
         )
-        return cls(folder, metadata, camera, maker)
+        return cls(nominal, maker)
 
     def link_poses(self, positions_rad: Positions) -> dict[str, Floats]:
         """`root_from_link` (4, 4) of each link at these ACTUAL joint positions; joints that are not named are at 0."""
@@ -155,8 +143,9 @@ class Painter:
     @property
     def board_in_root_m(self) -> Floats:
         """The board's centre, (3,), m, with all joints at 0; the camera's where there is no board."""
-        board = self.metadata.board
-        link = self.metadata.camera_link if board is None else board.link
+        metadata = self.nominal.metadata
+        board = metadata.board
+        link = metadata.camera_link if board is None else board.link
         return self.link_poses({})[str(link)][:3, 3]
 
     def draw(

@@ -23,6 +23,7 @@ from .measurement.residuals import (
     widen_markers,
 )
 from .mirror import MirrorEstimates, Rig, estimate_mirrors
+from .rotations import reflected
 from .triangulate import MarkerPositions
 from .view_check.check import check
 from .view_check.fit import Views
@@ -109,15 +110,14 @@ def of_its_size(
     """A marker is masked where an outline is not as large as a ball of its diameter is at the place at which its
     views (by mirror) meet: two views may agree on another thing of its colour, or on two.
 
-    The camera sees the ball where the mirror shows it, at `p − 2 (n · p − d) n`. An ideal point has no size.
+    The camera sees the ball where the mirror shows it. An ideal point has no size.
     """
     if not part.valid[0] or marker.diameter_m <= 0.0:
         return part
     place = part.points_in_camera_m[0]
     for row, view in views.items():
-        normal = mirrors.normals[row]
-        reflected = place - 2.0 * (normal @ place - mirrors.offsets_m[row]) * normal
-        shown = shown_ball(reflected, 0.5 * marker.diameter_m, camera)
+        image = reflected(place, mirrors.normals[row], mirrors.offsets_m[row])
+        shown = shown_ball(image, 0.5 * marker.diameter_m, camera)
         if view.outline is None or shown is None:
             continue
         _, expected_px = shown

@@ -16,15 +16,15 @@ import numpy.typing as npt
 from ._core import MirrorPostureError
 from .arguments import checked_arguments
 from .mirror import Mirror
-from .painter import EMBEDDED_FOLDER as EMBEDDED_FOLDER
 from .painter import Drawn as Drawn
-from .painter import LinkPoses, Positions
 from .painter import MirrorPlane as MirrorPlane
 from .painter import Painter as Painter
 from .painter import PictureOptions as PictureOptions
+from .painter import Positions
 from .painter import view_planes as view_planes
-from .robot import Robot
-from .session.types import Frames, Session, Views
+from .picture_files import encoded_picture
+from .robots.nominal import EMBEDDED_FOLDER as EMBEDDED_FOLDER
+from .session.types import Frames
 from .session.write import replace_folder, write_session_files
 from .viewpoint import View as View
 
@@ -76,10 +76,7 @@ def render_session(
     views: Sequence[View] = DEMO_VIEWS,
     *,
     offsets_rad: Positions | None = None,
-    actual: Callable[[int, Positions], Positions] | None = None,
-    link_poses: Callable[[int, Positions], LinkPoses] | None = None,
     options: PictureOptions | None = None,
-    model_glass_thickness_m: float | None = None,
     template: str | os.PathLike[str] = EMBEDDED_FOLDER,
     seed: int = 0,
     overwrite: bool = False,
@@ -88,11 +85,9 @@ def render_session(
     """Renders each posture in each view and writes a session with pictures, and truth.json beside them.
 
     `postures` are COMMANDED joint positions (rad); frames run posture by posture through the `views`.
-    Errors that the model does not contain are given in one of three ways: `offsets_rad` (actual = commanded
-    + offset), `actual(frame, commanded)` (actual positions), or `link_poses(frame, commanded)`
-    (`root_from_link` (4, 4) of each link, from a simulator). `model_glass_thickness_m` is the mirror's
-    glass in session.toml; by default the true one. `progress(done, total)` is called after each picture.
-    The folder is written whole or not at all; its path is returned.
+    `offsets_rad` are errors that the model does not contain: actual = commanded + offset. For other errors see
+    `Painter`. `progress(done, total)` is called after each picture. The folder is written whole or not at
+    all; its path is returned.
 
     Raises `MirrorPostureError` for unknown joints, no postures or views, or an existing folder.
     """
@@ -100,8 +95,6 @@ def render_session(
         raise MirrorPostureError(
             f"got {len(postures)} postures and {len(views)} views, needed at least one of each"
         )
-    if sum(way is not None for way in (offsets_rad, actual, link_poses)) > 1:
-        raise MirrorPostureError("got more than one of offsets_rad, actual, link_poses; needed at most one")
     folder = Path(folder)
     options = options or PictureOptions()
     painter = Painter.load(template)
@@ -110,27 +103,37 @@ def render_session(
     planes = view_planes(views, painter.board_in_root_m)
     names = tuple(sorted({name for posture in postures for name in posture}))
     total = len(postures) * len(views)
+    posture_of = np.repeat(np.arange(len(postures)), len(views))
+    commands = np.array([[float(p.get(name, 0.0)) for name in names] for p in postures])
+    frames = Frames(
+        frame=np.arange(total),
+        posture=posture_of,
+        joint_names=names,
+        commanded=commands.reshape(len(postures), len(names))[posture_of],
+        time_s=np.arange(total, dtype=np.float64) * SECONDS_A_FRAME,
+        image=tuple(_image_name(index) for index in range(total)),
+    )
 
     def fill(target: Path) -> None:
         (target / "images").mkdir()
         told = []
         for index in range(total):
             posture, view = divmod(index, len(views))
-            commanded = {name: float(postures[posture].get(name, 0.0)) for name in names}
-            if actual is not None:
-                joints: Positions | None = dict(actual(index, commanded))
-            elif link_poses is not None:
-                joints = None
-            else:
-                joints = {n: commanded.get(n, 0.0) + offsets.get(n, 0.0) for n in {*names, *offsets}}
-            poses = link_poses(index, commanded) if link_poses else painter.link_poses(joints or {})
-            drawn = painter.draw(poses, planes[view], options, seed + index)
+            commanded = dict(zip(names, commands[posture].tolist(), strict=True))
+            joints = {n: commanded.get(n, 0.0) + offsets.get(n, 0.0) for n in {*names, *offsets}}
+            drawn = painter.draw(painter.link_poses(joints), planes[view], options, seed + index)
             image = _image_name(index)
             _write_png(target / image, drawn.picture)
-            frame = {"frame": index, "posture": posture, "view": asdict(views[view]), "image": image}
-            if joints is not None:
-                frame["joints_rad"] = dict(sorted(joints.items()))
-            told.append(frame | drawn.truth)
+            told.append(
+                {
+                    "frame": index,
+                    "posture": posture,
+                    "view": asdict(views[view]),
+                    "image": image,
+                    "joints_rad": dict(sorted(joints.items())),
+                }
+                | drawn.truth
+            )
             if progress is not None:
                 progress(index + 1, total)
         truth = {
@@ -141,11 +144,14 @@ def render_session(
             "frames": told,
         }
         (target / TRUTH_FILE).write_text(json.dumps(truth, indent=1, allow_nan=False), encoding="utf-8")
-        write_session_files(
-            _session(painter, target, postures, len(views), names, options, model_glass_thickness_m), target
+        session = replace(
+            painter.nominal.with_frames(frames),
+            folder=target,
+            mirror=Mirror(options.glass_thickness_m, options.refractive_index),
         )
+        write_session_files(session, target)
 
-    replace_folder(folder, fill, overwrite, painter.folder)
+    replace_folder(folder, fill, overwrite, painter.nominal.folder)
     return folder
 
 
@@ -154,50 +160,4 @@ def _image_name(index: int) -> str:
 
 
 def _write_png(file: Path, picture: npt.NDArray[np.uint8]) -> None:
-    good, data = cv2.imencode(".png", cv2.cvtColor(picture, cv2.COLOR_RGB2BGR))
-    if not good:
-        raise MirrorPostureError(f"{file}: the picture could not be encoded as PNG")
-    file.write_bytes(data.tobytes())
-
-
-def _session(
-    painter: Painter,
-    target: Path,
-    postures: Sequence[Positions],
-    views: int,
-    names: tuple[str, ...],
-    options: PictureOptions,
-    model_glass_thickness_m: float | None,
-) -> Session:
-    """The session that the pictures belong to, without detections."""
-    count = len(postures) * views
-    posture = np.repeat(np.arange(len(postures)), views)
-    commanded = np.array([[float(p.get(name, 0.0)) for name in names] for p in postures])
-    claimed = options.glass_thickness_m if model_glass_thickness_m is None else model_glass_thickness_m
-    metadata = painter.metadata
-    empty = Views.empty(count, 0, len(metadata.markers))
-    frames = Frames(
-        frame=np.arange(count),
-        posture=posture,
-        joint_names=names,
-        commanded=commanded.reshape(len(postures), len(names))[posture],
-        time_s=np.arange(count, dtype=np.float64) * SECONDS_A_FRAME,
-        image=tuple(_image_name(i) for i in range(count)),
-    )
-    return Session(
-        folder=target,
-        robot_file=painter.folder / metadata.robot,
-        robot=Robot.from_urdf(painter.folder / metadata.robot),
-        root_link=metadata.root,
-        gravity_m_per_s2=metadata.gravity_m_per_s2,
-        frames=frames,
-        markers=metadata.markers,
-        mirror_view=empty,
-        direct_view=replace(empty),
-        camera=painter.camera,
-        camera_link=metadata.camera_link,
-        board=metadata.board,
-        mirror=Mirror(claimed, options.refractive_index),
-        noise=metadata.noise,
-        detected=False,
-    )
+    file.write_bytes(encoded_picture(cv2.cvtColor(picture, cv2.COLOR_RGB2BGR), file))

@@ -1,4 +1,4 @@
-"""Rotations: URDF's angles, and rotation vectors."""
+"""Rotations: URDF's angles, and rotation vectors; reflections."""
 
 from __future__ import annotations
 
@@ -60,6 +60,13 @@ def tilt_directions(axis: Floats) -> tuple[Floats, Floats]:
     u = np.cross(axis, e)
     u /= np.linalg.norm(u)
     return u, np.cross(axis, u)
+
+
+def reflected(points_m: Floats, normal: Floats, offset_m: float | Floats) -> Floats:
+    """Where ideal mirrors `n·x = d` show points (…, 3); normals (…, 3) and offsets (…) are broadcast."""
+    behind_m = np.asarray(offset_m) - (points_m * normal).sum(axis=-1)
+    image: Floats = points_m + 2.0 * behind_m[..., None] * normal
+    return image
 
 
 def cross_matrix(vector: Floats) -> Floats:

@@ -12,7 +12,7 @@ from mirror_posture.diagnosis import Cause, Diagnosis, Estimate, Gap, formatting
 from mirror_posture.diagnosis.applied import apply_diagnosis
 from mirror_posture.diagnosis.applied.mistakes import BY_HAND_ONLY
 from mirror_posture.diagnosis.applied.urdf import Urdf
-from session_folder import write_folder
+from session_folder import URDF, write_folder
 
 
 def found(effect: str, at: str, **values: float) -> Diagnosis:
@@ -40,6 +40,16 @@ def test_columns_are_exchanged_and_scaled(tmp_path: Path) -> None:
     unit = found("joint_unit", f"joint:{first}", factor=0.5)
     better = mp.load_session(apply_diagnosis(session, unit, tmp_path / "scaled").folder)
     np.testing.assert_allclose(better.frames.commanded[:, 0], 0.5 * session.frames.commanded[:, 0])
+
+
+def test_degrees_of_all_joints_leave_joints_that_slide_as_they_are(tmp_path: Path) -> None:
+    sliding = URDF.replace('name="shoulder" type="revolute"', 'name="shoulder" type="prismatic"')
+    session = mp.load_session(write_folder(tmp_path / "session", robot=sliding))
+    unit = found("joint_unit", "robot", factor=0.5)
+    better = mp.load_session(apply_diagnosis(session, unit, tmp_path / "scaled").folder)
+    assert session.frames.joint_names == ("shoulder", "elbow")
+    np.testing.assert_array_equal(better.frames.commanded[:, 0], session.frames.commanded[:, 0])
+    np.testing.assert_allclose(better.frames.commanded[:, 1], 0.5 * session.frames.commanded[:, 1])
 
 
 def test_a_camera_of_another_crop_and_size_gets_its_numbers(tmp_path: Path) -> None:

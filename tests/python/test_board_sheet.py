@@ -154,3 +154,21 @@ def test_the_command_prints_what_the_session_needs(tmp_path: Path) -> None:
     assert again.exit_code == 1 and "--overwrite" in again.stderr
     small = CliRunner().invoke(cli.app, ["board", str(tmp_path / "s.pdf"), "--square-mm", "5"])
     assert small.exit_code == 0 and "warning" in small.stderr
+
+
+def test_a_sheet_that_cannot_be_written_leaves_the_old_one(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Before, a missing folder was a fault of the program, and what ended it left a part of a PDF."""
+    gone = CliRunner().invoke(cli.app, ["board", str(tmp_path / "gone" / "board.pdf")])
+    assert gone.exit_code == 1 and "cannot be written" in " ".join(gone.stderr.split()), gone.stderr
+    file = tmp_path / "board.pdf"
+    file.write_bytes(b"old")
+
+    def stop(_path: Path) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("mirror_posture.output_files._sync", stop)
+    with pytest.raises(KeyboardInterrupt):
+        write_board_pdf(BoardSheet(7, 4, 0.02), file)
+    assert file.read_bytes() == b"old" and list(tmp_path.iterdir()) == [file]

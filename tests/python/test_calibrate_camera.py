@@ -119,15 +119,32 @@ def test_the_command_reads_pictures_and_writes_camera_info(tmp_path: Path) -> No
     for index, picture in enumerate(pictures(5, 12)):
         cv2.imwrite(str(folder / f"{index:02d}.png"), picture)
     cv2.imwrite(str(folder / "empty.png"), np.full((720, 1280), 128, np.uint8))
+    # One that was half copied costs itself only: before, the whole run.
+    (folder / "cut.png").write_bytes((folder / "00.png").read_bytes()[:2000])
     words = ["calibrate-camera", str(folder), "--out", str(tmp_path / "camera.yaml"), "--json"]
     run = CliRunner().invoke(cli.app, words)
     assert run.exit_code == 0, run.output
     document = json.loads(run.stdout)
-    assert [entry["picture"] for entry in document["refused"]] == ["empty.png"]
+    refused = {entry["picture"]: entry["reason"] for entry in document["refused"]}
+    assert set(refused) == {"cut.png", "empty.png"} and "broken" in refused["cut.png"]
+    assert "cut.png: not used (the picture is broken" in run.stderr
     camera = load_camera_info(tmp_path / "camera.yaml")
     assert camera.size_px == SIZE and camera.focal_px[0] == pytest.approx(900.0, rel=0.01)
     assert document["rms_px"] < 0.3 and len(document["views"]) >= 10
     assert "--overwrite" in CliRunner().invoke(cli.app, words).stderr
+
+
+def test_pictures_of_which_none_can_be_used_are_told(tmp_path: Path) -> None:
+    folder, out = tmp_path / "pictures", tmp_path / "camera.yaml"
+    folder.mkdir()
+    (folder / "00.png").write_bytes(b"no picture")
+    words = ["calibrate-camera", str(folder), "--out", str(out)]
+    told = " ".join(CliRunner().invoke(cli.app, words).stderr.split())
+    assert "00.png: the picture is broken" in told and "can be read" in told and not out.exists()
+    for name, width in (("01.png", 64), ("02.png", 80)):
+        cv2.imwrite(str(folder / name), np.full((48, width), 128, np.uint8))
+    run = CliRunner().invoke(cli.app, words)
+    assert run.exit_code == 1 and "is 80 x 48, the first picture is 64 x 48" in " ".join(run.stderr.split())
 
 
 def test_the_same_pictures_give_the_same_camera() -> None:

@@ -9,6 +9,7 @@ import signal
 import subprocess
 import sys
 import threading
+import time
 from pathlib import Path
 from urllib.parse import urlsplit
 
@@ -18,9 +19,9 @@ import pyarrow.csv
 import pytest
 
 from mirror_posture import MirrorPostureError, load_session
-from mirror_posture.capture import Capture, CaptureOptions, Recorder, Stage, open_source
+from mirror_posture.capture import Capture, CaptureOptions, Recorder, Stage, open_source, sources
 from mirror_posture.capture.server import CaptureServer
-from mirror_posture.capture.sources import Shot, shown_source
+from mirror_posture.capture.sources import STALE_PICTURES, CameraSource, Shot, shown_source
 from mirror_posture.plan import PlannedFrame, read_plan
 from mirror_posture.render import EMBEDDED_FOLDER, PictureOptions, View, render_session
 from mirror_posture.robots import Arrival, Nominal
@@ -199,6 +200,56 @@ def test_a_film_tells_its_own_time(tmp_path: Path) -> None:
     assert shots[2].name == "film.avi, picture 3"
 
 
+def test_a_film_that_a_tag_turns_is_read_as_it_is_stored(tmp_path: Path) -> None:
+    """As `import` reads it, and as the camera file describes it: before, OpenCV turned it by its tag."""
+    av, file = pytest.importorskip("av"), tmp_path / "film.mp4"
+    film = cv2.VideoWriter(str(file), cv2.VideoWriter.fourcc(*"mp4v"), 8.0, (64, 48))
+    for _ in range(3):
+        film.write(np.full((48, 64, 3), 100, dtype=np.uint8))
+    film.release()
+    # A quarter turn in the track's header, in the place of no turn, as a phone writes it.
+    one, none = (1 << 16).to_bytes(4, "big"), bytes(4)
+    data, at = bytearray(file.read_bytes()), file.read_bytes().index(b"tkhd") + 4 + 40
+    assert data[at : at + 20] == one + none * 3 + one
+    data[at : at + 20] = none + one + none + (-(1 << 16)).to_bytes(4, "big", signed=True) + none
+    file.write_bytes(data)
+    with av.open(str(file)) as container:
+        assert abs(next(container.decode(video=0)).rotation) == 90
+    source = open_source(str(file), None)
+    shot = source.read()
+    source.close()
+    assert shot is not None and shot.picture.shape == (48, 64, 3)
+
+
+class Stream:
+    """In place of OpenCV's reader of a stream: pictures that came while nobody read are there at once, the next one must be waited for."""
+
+    def __init__(self, buffered: int) -> None:
+        self._buffered, self._at = buffered, 0
+
+    def isOpened(self) -> bool:
+        return True
+
+    def set(self, _what: int, _value: float) -> bool:
+        return False
+
+    def grab(self) -> bool:
+        if self._at >= self._buffered:
+            time.sleep(0.03)
+        self._at += 1
+        return True
+
+    def retrieve(self) -> tuple[bool, np.ndarray]:
+        return True, np.full((48, 64, 3), self._at, dtype=np.uint8)
+
+
+def test_a_stream_gives_its_newest_picture(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Before, the next one of its buffer, however old."""
+    monkeypatch.setattr(sources.cv2, "VideoCapture", lambda _where: Stream(buffered=90))
+    stream = CameraSource("rtsp://camera/1", None)
+    assert [int(stream.read().picture[0, 0, 0]) for _ in range(2)] == [91, 92]
+
+
 def test_a_film_is_taken_when_all_is_still_and_each_posture_once(session: Path, pictures: Path) -> None:
     shown = [cv2.imread(str(pictures / f"{i:04d}.png")) for i in range(2)]
     film = Film(shown, ends=False)
@@ -243,7 +294,7 @@ class Driver:
 
 
 def test_a_driver_goes_from_row_to_row_and_rests_whatever_happens(session: Path, pictures: Path) -> None:
-    still = [cv2.imread(str(pictures / "0000.png"))] * 2
+    still = [cv2.imread(str(pictures / "0000.png"))] * 4
     rows = [PlannedFrame(i, i, 0, dict(posture)) for i, posture in enumerate(POSTURES)]
     driver = Driver()
     capture = Capture(
@@ -269,6 +320,45 @@ def test_a_driver_goes_from_row_to_row_and_rests_whatever_happens(session: Path,
     while capture.step():
         pass
     assert capture.stage is Stage.FAILED and "servo 3" in capture.message and broken.rests == 1
+
+
+def test_what_a_camera_buffered_before_a_command_is_not_taken_as_its_posture(
+    session: Path, pictures: Path
+) -> None:
+    """Before, a picture of the old posture was recorded as the new one: it had been still for long."""
+
+    class Buffering(Film):
+        """What is read next was taken before the robot moved."""
+
+        def __init__(self) -> None:
+            old, new = (cv2.imread(str(pictures / f"{i:04d}.png")) for i in range(2))
+            super().__init__([old], shots=10)
+            self._shots += [old] * STALE_PICTURES + [new] * 20
+
+    rows = [PlannedFrame(0, 0, 0, dict(POSTURES[1]))]
+    film = Buffering()
+    capture = Capture(
+        Nominal.load(session), rows, film, Recorder(session, rows), CaptureOptions(0.5), Driver()
+    )
+    for _ in range(12):
+        capture.step()
+    capture.do("start")
+    while capture.step():
+        pass
+    assert list(capture.recorder.taken) == [0]
+    taken, new = (cv2.imread(str(f)) for f in (session / "images/0000.png", pictures / "0001.png"))
+    assert np.array_equal(taken, new)
+
+
+def test_the_time_goes_on_where_a_capture_is_continued(session: Path) -> None:
+    """Before, it fell: 0, 10, 20, 2, 12."""
+    rows = [PlannedFrame(i, i, 0, dict(POSTURES[i % 2])) for i in range(5)]
+    picture = np.zeros((48, 64, 3), np.uint8)
+    for part, begin_s in ((rows[:3], 5.0), (rows[3:], 2.0)):
+        recorder = Recorder(session, rows)
+        for number, row in enumerate(part):
+            recorder.add(row, picture, begin_s + 10.0 * number, {})
+    assert frames(session)["time_s"] == [0.0, 10.0, 20.0, 22.0, 32.0]
 
 
 @pytest.fixture

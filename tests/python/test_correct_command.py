@@ -96,6 +96,24 @@ def test_bad_input_is_one_clear_line(tmp_path: Path, words: tuple[str, ...], sai
     assert not (tmp_path / "a").exists(), "a folder in the way of the next try"
 
 
+def test_what_a_resumed_correction_cannot_take_over_is_refused(tmp_path: Path) -> None:
+    """Before, all options but the robot were dropped without a word: `--resume --looks 40` changed nothing."""
+    out = tmp_path / "a"
+    words = ("correct", "twin", "--out", out, *FAST, "--looks", "1", "--gain", "0.3")
+    run(*words, code=3)
+    before = (out / "frames.csv").read_bytes()
+    told = run("correct", "twin", "--out", out, "--resume", "--looks", "40", "--gain", "0.8", code=1).stderr
+    assert "was begun with --gain 0.3, not 0.8, and with --looks 1, not 40; leave that away" in " ".join(
+        told.split()
+    )
+    told = run("correct", "by-hand", "--out", out, "--resume", code=1).stderr
+    assert "was begun with robot twin, not by-hand" in " ".join(told.split())
+    assert (out / "frames.csv").read_bytes() == before
+    # What is the same, or is not said, is taken over.
+    for said in (words, ("correct", "twin", "--out", out)):
+        assert "going on with" in run(*said, "--resume", code=3).output
+
+
 # What was begun in the background ignores the interrupt, what was begun by nohup the hang-up.
 HEARD = (
     "import signal; signal.signal(signal.SIGINT, signal.default_int_handler); "

@@ -9,9 +9,10 @@ import cv2
 import numpy as np
 import pytest
 
+from board_drawing import chessboard_picture
 from mirror_posture import Board, Camera
 from mirror_posture.detect import BoardOptions, detect_boards, measure_grid
-from mirror_posture.detect.gate import board_residual
+from mirror_posture.detect.gate import GateOptions, board_residual
 
 PICTURES = Path(__file__).resolve().parents[3] / "shared" / "data" / "pictures"
 GLASS = PICTURES / "mitsuba-glass-a"
@@ -137,3 +138,22 @@ def test_a_camera_file_of_another_camera_is_noticed() -> None:
     (view,) = detect_boards(gray(folder / "images" / "000.png"), Board(7, 4, 0.01), camera)
     assert not view.ok
     assert "reprojection residual" in view.reason and "camera file" in view.reason
+
+
+def test_large_squares_may_leave_a_residual_of_their_share() -> None:
+    board, square_px = Board(7, 4, 0.02), 130.0
+    picture_from_board = np.array([[square_px, 0.0, 600.0], [0.0, -square_px, 400.0], [0.0, 0.0, 1.0]])
+    flat = chessboard_picture(7, 4, picture_from_board, (1200, 800))
+    v, u = np.mgrid[:800, :1200].astype(np.float32)
+    # Waves that are shorter than the board: no lens and no homography explains them.
+    uneven = cv2.remap(flat, u + 2.5 * np.sin(u / 45), v + 2.5 * np.sin(v / 35), cv2.INTER_LINEAR)
+    (view,) = detect_boards(uneven, board, options=BoardOptions(views=("direct",)))
+    assert view.ok, view.reason
+    assert 1.0 < view.residual_rms_px < view.residual_limit_px == pytest.approx(0.02 * square_px, rel=0.05)
+    # Of a board that is partly hidden the squares count that are seen, wherever the others are said to be.
+    seen = np.ones(28, dtype=bool)
+    seen[:3] = False
+    corners = np.where(seen[:, None], view.corners_px, 0.0)
+    assert GateOptions().limit_px(corners, board, seen) == pytest.approx(0.02 * square_px, rel=0.05)
+    assert board_residual(corners, board, None, visible=seen).limit_px > 2.0
+    assert GateOptions().limit_px(corners, board, np.zeros(28, dtype=bool)) == 1.0

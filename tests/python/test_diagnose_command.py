@@ -73,3 +73,14 @@ def test_of_several_sessions_the_one_with_an_error_is_told(tmp_path: Path) -> No
     (folder / "frames.csv").write_text("frame\n0,1\n", encoding="utf-8")
     code, said = run("diagnose", folder, SESSION)
     assert code == 1 and str(folder) in said.replace("\n", "") and "frames.csv" in said, said
+
+
+@needs_data
+def test_sessions_of_one_name_are_refused_before_one_replaces_the_other(tmp_path: Path) -> None:
+    for part in ("a", "b"):
+        shutil.copytree(SESSION, tmp_path / part / "run")
+    out = tmp_path / "out"
+    code, said = run("diagnose", tmp_path / "a" / "run", tmp_path / "b" / "run", "--out", out)
+    told = said.replace("\n", "")
+    assert code == 1 and not out.exists(), said
+    assert f"would both be in {out / 'run'}" in told and "rename one" in told, said

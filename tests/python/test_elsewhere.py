@@ -73,10 +73,12 @@ def test_files_and_folders_are_written(windows: None, tmp_path: Path) -> None:
 
 
 def test_a_correction_is_recorded(windows: None, tmp_path: Path) -> None:
-    lines.write_whole(tmp_path / "outcome.json", b"{}")
-    lines.append(tmp_path / "frames.csv", ["frame"], [[1]])
-    assert (tmp_path / "outcome.json").read_bytes() == b"{}"
-    assert (tmp_path / "frames.csv").read_text() == "frame\n1\n"
+    file = tmp_path / "frames.csv"
+    lines.append(file, ["frame", "a, b"], [[1, 0.1]])
+    assert file.read_text() == 'frame,"a, b"\n1,0.1\n'
+    lines.append_bytes(file, b"2,0.")
+    lines.cut_last_line(file)
+    assert file.read_text() == 'frame,"a, b"\n1,0.1\n'
 
 
 def test_this_windows_is_strict(windows: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -20,6 +20,7 @@ from mirror_lab.robots import HiddenBody, HiddenEffect
 from mirror_lab.robots.pixels import MirrorInRoot, exact_points, lens_of
 from mirror_posture.correct import CorrectOptions, Recorder, correct
 from mirror_posture.robots import ImagePoints, Nominal
+from mirror_posture.robots.servo_state import Torque
 from mirror_posture.viewpoint import View
 
 pytest.importorskip("mujoco")
@@ -139,7 +140,7 @@ def test_a_line_cut_during_a_correction_loses_nothing(
         outcome = correct(robot, POSTURE, recorder=recorder, on_picture=cut_after)
         assert outcome.stop.kind == "robot_failed", outcome.stop.sentence
         assert outcome.stop.evidence["error"] == "LostRobotError"
-        assert not robot.torque_is_on()
+        assert robot.standing.torque is not Torque.HELD
     rows = (tmp_path / "run" / "frames.csv").read_text().splitlines()
     assert len(rows) - 1 == len(taken) == outcome.views
     time.sleep(0.7)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 
 import cv2
@@ -305,7 +306,9 @@ def test_an_mjcf_keeps_its_meshes_where_they_are(tmp_path: Path) -> None:
         "--marker", "hand=arm@0.1,0,0", "--mirror-size", "50x70", "--mirror-at", "1,0,0.9")
     # fmt: on
     urdf = tmp_path / "s" / "robot.urdf"
-    assert [path.name for path in (tmp_path / "s" / "meshes").iterdir()] == ["wedge_1.stl.coarse.stl"]
+    # A name with a slash is marked, so that it is not that of `wedge_1`.
+    (kept,) = (tmp_path / "s" / "meshes").iterdir()
+    assert re.fullmatch(r"[0-9a-f]{8}-wedge_1\.stl\.coarse\.stl", kept.name)
     seen, missing = shapes_of_links(urdf, kind="visual")
     assert not missing and set(seen) == {"arm"} and len(seen["arm"]) == 2
     corners = np.array([[0, 0, 0], [0, 0.2, 0], [-0.1, 0, 0], [0, 0, 0.3]]) + np.array([0.01, 0.02, 0.03])
@@ -318,6 +321,21 @@ def test_an_mjcf_keeps_its_meshes_where_they_are(tmp_path: Path) -> None:
     assert ends == [-0.08, 0.1, 0.12, 1.3]
     mirror = tomllib.loads((tmp_path / "s" / "session.toml").read_text())["mirror"]
     assert (mirror["width"], mirror["height"], mirror["center"]) == (0.5, 0.7, [1.0, 0.0, 0.9])
+
+
+def test_meshes_of_similar_names_stay_apart(tmp_path: Path) -> None:
+    """Before, both were `arm_link.stl`: one had the other's shape."""
+    pytest.importorskip("mujoco")
+    file = tmp_path / "m.xml"
+    meshes = "".join(
+        f'<mesh name="{name}" vertex="0 0 0  {length} 0 0  0 .1 0  0 0 .3"/>'
+        for name, length in (("arm/link", 0.2), ("arm_link", 0.4))
+    )
+    geoms = '<geom type="mesh" mesh="arm/link"/><geom type="mesh" mesh="arm_link"/>'
+    file.write_text(f"<mujoco><asset>{meshes}</asset><worldbody><body>{geoms}</body></worldbody></mujoco>")
+    text, found = urdf_from_mjcf(file)
+    sizes = {round(float(np.ptp(mesh.vertices_m, axis=0).max()), 3) for mesh in found.values()}
+    assert len(found) == len(sizes) == 2 and all(f'filename="{name}"' in text for name in found)
 
 
 def test_a_plan_takes_the_mirror_that_the_session_tells() -> None:

@@ -181,25 +181,28 @@ def test_session_loads_and_tells_the_hidden_truth(template: Path, painter: Paint
 
 def test_poses_of_a_simulator_are_drawn_as_they_are(template: Path, painter: Painter, tmp_path: Path) -> None:
     bent = {"r_elbow": 0.1}
-    one = render_session(tmp_path / "a", [{}], [View()], offsets_rad=bent, template=template)
-    two = render_session(
-        tmp_path / "b",
-        [{}],
-        [View()],
-        link_poses=lambda frame, q: painter.link_poses({**q, **bent}),
-        template=template,
-    )
-    assert (one / "images/000.png").read_bytes() == (two / "images/000.png").read_bytes()
+    folder = render_session(tmp_path / "a", [{}], [View()], offsets_rad=bent, template=template)
+    plane = view_planes([View()], painter.board_in_root_m)[0]
+    drawn = painter.draw(painter.link_poses(bent), plane).picture
+    np.testing.assert_array_equal(cv2.imread(str(folder / "images/000.png"))[..., ::-1], drawn)
+
+
+def test_a_session_with_pictures_says_what_its_template_says(template: Path, tmp_path: Path) -> None:
+    """Before, the tolerances of the camera's mount and the keys that the format does not know were left out."""
+    own = shutil.copytree(template, tmp_path / "own")
+    told = (own / "session.toml").read_text().replace("[camera_mount]", "[camera_mount]\ntolerance_m = 0.002")
+    (own / "session.toml").write_text(told + '\n[operator]\nname = "Zoë"\n', encoding="utf-8")
+    session = load_session(render_session(tmp_path / "a", [{}], [View()], template=own))
+    assert session.camera_tolerance_m == 0.002
+    assert session.metadata["operator"] == {"name": "Zoë"}
 
 
 def test_a_folder_is_written_whole_or_not_at_all(template: Path, tmp_path: Path) -> None:
-    def breaks(frame: int, commanded: dict[str, float]) -> dict[str, float]:
-        if frame == 1:
-            raise RuntimeError("the simulator fell over")
-        return commanded
+    def breaks(done: int, total: int) -> None:
+        raise RuntimeError("the computer fell over")
 
     with pytest.raises(RuntimeError, match="fell over"):
-        render_session(tmp_path / "s", [{}, {}], [View()], actual=breaks, template=template)
+        render_session(tmp_path / "s", [{}, {}], [View()], progress=breaks, template=template)
     assert list(tmp_path.iterdir()) == []
     render_session(tmp_path / "s", [{}], [View()], template=template)
     with pytest.raises(MirrorPostureError, match="there already"):
@@ -219,10 +222,6 @@ def test_what_cannot_be_drawn_is_refused(template: Path, painter: Painter, tmp_p
         render_session(tmp_path / "x", [{}], [View()], offsets_rad={"r_elbo": 0.1}, template=template)
     with pytest.raises(MirrorPostureError, match="0 postures"):
         render_session(tmp_path / "x", [], [View()], template=template)
-    with pytest.raises(MirrorPostureError, match="at most one"):
-        render_session(
-            tmp_path / "x", [{}], [View()], offsets_rad={}, actual=lambda i, q: q, template=template
-        )
     plane = view_planes([View()], painter.board_in_root_m)[0]
     poses = painter.link_poses({})
     with pytest.raises(MirrorPostureError, match="thickness"):

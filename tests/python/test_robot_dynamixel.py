@@ -34,6 +34,7 @@ from mirror_posture.robots.servo_config import (
     load_config,
 )
 from mirror_posture.robots.servo_line import Register
+from mirror_posture.robots.servo_state import Torque
 
 pytestmark = pytest.mark.realtime
 
@@ -65,7 +66,7 @@ def test_limits_are_in_force_before_torque_and_nothing_jumps(
     bus: SimulatedBus, config: ServoConfig, nominal: Nominal
 ) -> None:
     with DynamixelRobot(nominal, config, blind) as robot:
-        assert robot.torque_is_on() and not bus.all_off()
+        assert robot.standing.torque is Torque.HELD and not bus.all_off()
         assert [on["id"] for on in bus.torque_on] == [1, 2]
         for on in bus.torque_on:
             assert on["mode"] == 5 and on["current"] == math.floor(0.3 / 0.00269)
@@ -200,7 +201,7 @@ def test_nothing_is_sent_for_a_command_beyond_the_limits(
             with pytest.raises(UnsafeCommandError):
                 robot.command({joint: position})
         assert len(bus.instructions) == before
-        assert robot.torque_is_on(), "a refused command is no failure"
+        assert robot.standing.torque is Torque.HELD, "a refused command is no failure"
 
 
 def test_lost_and_garbled_answers_are_asked_for_again(

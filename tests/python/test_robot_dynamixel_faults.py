@@ -166,7 +166,7 @@ def test_a_joint_that_does_not_move_is_named_and_torque_goes_off(
         with pytest.raises(NotSettledError, match=r"r_elbow at 0\.0736 rad instead of 0\.5000") as caught:
             robot.command({"r_elbow": 0.5, "r_shoulder_roll": 0.5})
         assert caught.value.joints == ("r_elbow",)
-        assert bus.all_off() and not robot.torque_is_on()
+        assert bus.all_off() and robot.standing.torque is not Torque.HELD
         with pytest.raises(HardwareFaultError, match=r"torque is off: .*r_elbow"):
             robot.command({"r_shoulder_roll": 0.6})
 

@@ -11,9 +11,9 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as npst
 
-from mirror_posture import SessionError, load_session
-from mirror_posture.session import Session, Views, write_detections, write_session
-from session_folder import DATA, write_folder
+from mirror_posture import Mirror, SessionError, load_session
+from mirror_posture.session import Noise, Session, Views, write_detections, write_session
+from session_folder import DATA, SESSION, write_folder
 
 
 def assert_same(a: Session, b: Session) -> None:
@@ -77,12 +77,35 @@ def test_round_trip(tmp_path: Path, data: st.DataObject, tables: str) -> None:
 
 
 def test_keys_that_the_format_does_not_know_survive(tmp_path: Path) -> None:
-    from session_folder import SESSION
-
     text = SESSION + '\n[operator]\nname = "Zoë \\u0007"\nwhen = 2024-05-01T10:00:00Z\n'
     session = load_session(write_folder(tmp_path / "in", session=text))
     write_session(session, tmp_path / "out")
     assert load_session(tmp_path / "out").metadata["operator"] == session.metadata["operator"]
+
+
+def test_what_was_taken_away_is_not_written(tmp_path: Path) -> None:
+    told = SESSION.replace(
+        'link = "camera_optical"', 'link = "camera_optical"\ntolerance_m = 0.002\ntolerance_rad = 0.01'
+    )
+    told = told.replace("square = 0.014", "square = 0.014\ntolerance_m = 0.003\ntolerance_rad = 0.02")
+    told = told.replace("diameter = 0.0116", "diameter = 0.0116\ntolerance_m = 0.001\nglued_by = 'Zoë'")
+    told = told.replace("refractive_index = 1.52", "width = 0.4\nheight = 0.6\ncenter = [0.5, 0.0, 0.1]")
+    session = load_session(write_folder(tmp_path / "in", session=told))
+    assert session.board and session.mirror and session.mirror.center_in_root_m and session.noise != Noise()
+    session = dataclasses.replace(
+        session,
+        camera_tolerance_m=None,
+        camera_tolerance_rad=None,
+        board=dataclasses.replace(session.board, tolerance_m=None, tolerance_rad=None),
+        markers=tuple(dataclasses.replace(m, color=None, tolerance_m=None) for m in session.markers),
+        mirror=Mirror(0.003),
+        noise=Noise(),
+    )
+    write_session(session, tmp_path / "out")
+    better = load_session(tmp_path / "out")
+    assert_same(better, session)
+    assert (better.camera_tolerance_m, better.camera_tolerance_rad) == (None, None)
+    assert [marker["glued_by"] for marker in better.metadata["markers"]] == ["Zoë", "Zoë"]
 
 
 def test_refuses_to_write_over_a_folder(tmp_path: Path) -> None:

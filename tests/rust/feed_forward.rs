@@ -92,3 +92,10 @@ fn what_no_command_mends_is_refused() {
     limited.commands(&[2.9, 0.0], &mut way_point, &mut command).unwrap();
     assert_eq!(command[0], 3.0, "within the limit");
 }
+
+#[test]
+fn a_robot_without_joints_has_no_commands() {
+    let robot = Arc::new(Robot::from_urdf_str(r#"<robot name="stone"><link name="base"/></robot>"#).unwrap());
+    let ahead = FeedForward::new(robot, 0, Vector3::new(0.0, 0.0, -G), &[]).unwrap();
+    ahead.commands(&[], &mut [], &mut []).unwrap();
+}

@@ -5,7 +5,7 @@
 /// is also the factor by which a golden-section search narrows its interval.
 pub(crate) const GOLDEN_SECTION: f64 = 0.618_033_988_749_895;
 
-/// The median of numbers; 0 for none.
+/// The median of numbers, of an even count the upper of the two in the middle; 0 for none.
 pub(crate) fn median(mut values: Vec<f64>) -> f64 {
     if values.is_empty() {
         return 0.0;

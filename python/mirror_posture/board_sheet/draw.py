@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from .._core import MirrorPostureError
+from ..output_files import write_file
 from .layout import EDGE_M, QUIET_SQUARES, BoardSheet
 
 RULER_MM = 100
@@ -24,7 +25,7 @@ def write_board_pdf(sheet: BoardSheet, file: str | os.PathLike[str]) -> Path:
     the printer's scale, because many printers stretch the direction in which the paper is fed.
 
     Raises:
-        MirrorPostureError: reportlab is not installed.
+        MirrorPostureError: reportlab is not installed, or the file cannot be written.
     """
     try:
         from reportlab.pdfgen import canvas
@@ -32,9 +33,8 @@ def write_board_pdf(sheet: BoardSheet, file: str | os.PathLike[str]) -> Path:
         raise MirrorPostureError(
             "a PDF needs the package reportlab: pip install 'mirror-posture[print]'"
         ) from None
-    file = Path(file)
     placed = sheet.placement()
-    page = canvas.Canvas(str(file), pagesize=tuple(POINTS_PER_M * v for v in placed.sheet_m), invariant=True)
+    page = canvas.Canvas("", pagesize=tuple(POINTS_PER_M * v for v in placed.sheet_m), invariant=True)
     page.setTitle(f"Board {sheet.corners_x}x{sheet.corners_y}, squares of {1000 * sheet.square_m:g} mm")
     page.setAuthor("mirror-posture")
     page.setViewerPreference("PrintScaling", "None")
@@ -43,12 +43,11 @@ def write_board_pdf(sheet: BoardSheet, file: str | os.PathLike[str]) -> Path:
     for rectangle in sheet.dark():
         page.rect(*rectangle, stroke=0, fill=1)
     _cutting_lines(page, sheet)
-    _rulers(page, sheet)
+    _rulers(page)
     _axes(page, sheet)
     _text(page, sheet)
     page.showPage()
-    page.save()
-    return file
+    return write_file(file, page.getpdfdata())
 
 
 def _cutting_lines(page: Any, sheet: BoardSheet) -> None:
@@ -62,7 +61,7 @@ def _cutting_lines(page: Any, sheet: BoardSheet) -> None:
     page.restoreState()
 
 
-def _rulers(page: Any, sheet: BoardSheet) -> None:
+def _rulers(page: Any) -> None:
     """A ruler along the bottom and one along the left edge."""
     left, bottom = EDGE_M + 0.008, EDGE_M + 0.004
     page.setLineWidth(0.0002)

@@ -6,7 +6,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
-import cv2
 import numpy as np
 
 from .._core import MirrorPostureError
@@ -14,7 +13,7 @@ from ..arrays import Floats
 from ..board import Board
 from ..camera_calibration import GOOD_VIEWS, LEAST_VIEWS, calibrate_camera
 from ..detect import BoardOptions, DetectionOptions, DetectionSetup, detect_picture
-from ..output_files import write_file
+from ..picture_files import write_picture
 from .sources import Shot, Source
 from .stillness import Stillness
 
@@ -61,10 +60,7 @@ def take_board_pictures(
                 say(why)
             told = why
             continue
-        good, data = cv2.imencode(".png", shot.picture)
-        if not good:
-            raise MirrorPostureError("--source: gives pictures that cannot be written as PNG")
-        write_file(folder / f"{len(taken):02d}.png", data.tobytes())
+        write_picture(folder / f"{len(taken):02d}.png", shot.picture)
         taken.append(corners)
         still.take(shot.picture)
         height, width = shot.picture.shape[:2]

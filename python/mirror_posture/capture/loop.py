@@ -24,7 +24,7 @@ from ..robots import CommandedRobot, Nominal
 from ..robots.nominal import detect_look
 from ..robots.protocol import ImagePoints, Look
 from .recorder import Recorder
-from .sources import Shot, Source
+from .sources import Shot, Source, drop_stale
 from .stage import CaptureOptions, Stage
 from .stillness import Stillness
 
@@ -195,7 +195,8 @@ class Capture:
         arrival = robot.command({n: v for n, v in frame.commanded.items() if n in robot.joint_names})
         self._measured = {name: float(value) for name, value in arrival.measured.items()}
         self._waypoint += 1
-        self.stillness.moved = True
+        drop_stale(self.source)
+        self.stillness.restart()
         self.stage = Stage.MOVING
 
     def _end(self, message: str) -> bool:

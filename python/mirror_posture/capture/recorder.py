@@ -8,12 +8,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import cv2
-import numpy as np
 import pyarrow as pa
 
 from .._core import MirrorPostureError
-from ..output_files import new_file, write_file
+from ..output_files import new_file
+from ..picture_files import write_picture
 from ..plan.table import PlannedFrame
 from ..session.tables import find_table, open_table
 from ..session.write import write_table
@@ -49,6 +48,8 @@ class Recorder:
                 file.unlink()
         elif old:
             self._resume(old)
+        # A source's time begins anew each time that it is opened.
+        self._late_s = max((row.time_s for row in self.taken.values()), default=0.0)
 
     def _resume(self, old: list[Path]) -> None:
         told = f"{self._folder}: has {' and '.join(file.name for file in old)} already"
@@ -91,11 +92,10 @@ class Recorder:
         """Writes a picture and its row; when this returns both are on the disk."""
         image = f"images/{frame.frame:04d}.png"
         (self._folder / "images").mkdir(exist_ok=True)
-        done, data = cv2.imencode(".png", picture)
-        if not done:
-            raise MirrorPostureError(f"{image}: a picture of shape {np.shape(picture)} cannot be written")
-        write_file(self._folder / image, data.tobytes())
-        self.taken[frame.frame] = Taken(frame.frame, frame.posture, time_s, image, dict(measured))
+        write_picture(self._folder / image, picture)
+        self.taken[frame.frame] = Taken(
+            frame.frame, frame.posture, self._late_s + time_s, image, dict(measured)
+        )
         self._write()
 
     def drop(self, frame: int) -> None:

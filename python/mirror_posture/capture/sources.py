@@ -14,12 +14,18 @@ import numpy.typing as npt
 
 from .._core import MirrorPostureError
 from ..camera import Camera
+from ..importing.films import FILMS
 
 Picture = npt.NDArray[np.uint8]
 
-FILMS = (".mp4", ".mkv", ".avi", ".mov", ".webm")
 LOST_AFTER = 50
 """Pictures in a row that a camera may fail to give."""
+STALE_PICTURES = 5
+"""Pictures that a camera's driver has buffered, at most."""
+WAITED_S = 0.01
+"""A stream's picture that took longer to come was waited for: its reader has buffered no more."""
+LONGEST_SKIP_S = 0.5
+"""A stream that comes faster than it can be read never has nothing buffered."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,10 +62,11 @@ class CameraSource:
 
     def __init__(self, where: int | str, camera: Camera | None, option: str = "--source") -> None:
         self._name = f"{option} {shown_source(where)}"
-        self._capture = cv2.VideoCapture(where)
+        self._capture, self._stream = cv2.VideoCapture(where), isinstance(where, str)
         if not self._capture.isOpened():
             hint = "is it plugged in, and free?" if isinstance(where, int) else "is the address right?"
             raise MirrorPostureError(f"{self._name}: cannot be opened; {hint}")
+        # Of a stream `read` leaves out what is buffered: FFmpeg does not know this setting.
         self._capture.set(cv2.CAP_PROP_BUFFERSIZE, 1)
         if camera is not None and isinstance(where, int):
             self._capture.set(cv2.CAP_PROP_FRAME_WIDTH, camera.width_px)
@@ -68,11 +75,21 @@ class CameraSource:
 
     def read(self) -> Shot:
         for _ in range(LOST_AFTER):
-            good, picture = self._capture.read()
+            good, picture = self._capture.retrieve() if self._grab_newest() else (False, None)
             if good:
                 return Shot(np.asarray(picture, dtype=np.uint8), time.monotonic() - self._start)
             time.sleep(0.02)
         raise MirrorPostureError(f"{self._name}: gives no pictures any more")
+
+    def _grab_newest(self) -> bool:
+        """Grabs a picture; of a stream those are left out that its reader has buffered."""
+        begin = before = time.monotonic()
+        while self._capture.grab():
+            now = time.monotonic()
+            if not self._stream or now - before > WAITED_S or now - begin > LONGEST_SKIP_S:
+                return True
+            before = now
+        return False
 
     def close(self) -> None:
         self._capture.release()
@@ -87,6 +104,8 @@ class FilmSource:
         self._capture = cv2.VideoCapture(str(file))
         if not self._capture.isOpened():
             raise MirrorPostureError(f"--source {file}: is no film that can be read")
+        # Pixels as stored, as `import` and the camera file have them: a phone's film has a tag that turns it.
+        self._capture.set(cv2.CAP_PROP_ORIENTATION_AUTO, 0)
         self._name, self._count = file.name, 0
 
     def read(self) -> Shot | None:
@@ -114,8 +133,6 @@ class FolderSource:
         from ..detect import list_pictures
 
         self._files = sorted(list_pictures(folder), key=lambda file: (_numbers(file.stem), file.name))
-        if not self._files:
-            raise MirrorPostureError(f"--source {folder}: holds no pictures")
         self._numbered = all(re.fullmatch(r"\d+", file.stem) for file in self._files)
         self._next = 0
 
@@ -154,6 +171,12 @@ def open_source(text: str, camera: Camera | None) -> Source:
     raise MirrorPostureError(
         f"--source: got {text!r}, needed webcam:0, rtsp://ADDRESS, a film ({', '.join(FILMS)}) or a folder of pictures"
     )
+
+
+def drop_stale(source: Source) -> None:
+    """Reads away what a live source has buffered: it was taken before now."""
+    for _ in range(STALE_PICTURES if source.live else 0):
+        source.read()
 
 
 def shown_source(where: int | str) -> str:

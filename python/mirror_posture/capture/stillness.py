@@ -50,6 +50,10 @@ class Stillness:
         self._before = small
         return time_s - self._since_s
 
+    def restart(self) -> None:
+        """What comes now is of another posture, whatever was still before."""
+        self._before, self.moved = None, True
+
     def is_sharp(self, picture: npt.NDArray[np.uint8]) -> bool:
         """Whether it is about as sharp as the pictures taken so far."""
         return len(self._sharp) < 3 or sharpness(picture) > LEAST_SHARPNESS * float(np.median(self._sharp))

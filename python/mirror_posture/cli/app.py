@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
+import warnings
 from typing import Annotated, Any
 
 import typer
@@ -98,6 +99,8 @@ def _options(
 def main() -> None:
     """Entry point of the command `mirror-posture`."""
     out = make_patient()
+    # Pillow's, of pictures within the limit that holds here: the process is this command's own.
+    warnings.filterwarnings("ignore", message="Image size .* exceeds limit")
     code: int | str | None = 0
     try:
         app()

@@ -93,27 +93,9 @@ class Output:
     def table(
         self, title: str, columns: Iterable[str], rows: Iterable[Iterable[str]], caption: str = ""
     ) -> None:
-        """A table for people. A name starts with `*` for text, with `~` for text that may be folded;
-        otherwise numbers."""
-        if self.as_json:
-            return
-        columns = list(columns)
-        table = Table(
-            title=Text(shown(title), style="table.title"),
-            caption=Text(shown(caption), style="table.caption") if caption else None,
-            title_justify="left",
-            caption_justify="left",
-            show_header=any(column.strip("*~") for column in columns),
-        )
-        for column in columns:
-            text = column.startswith(("*", "~"))
-            table.add_column(
-                column.lstrip("*~"), justify="left" if text else "right", no_wrap=not column.startswith("~")
-            )
-        for row in rows:
-            # Cells are literal text, never markup: a name may look like markup.
-            table.add_row(*(Text(shown(cell)) for cell in row))
-        self.messages.print(table, soft_wrap=False)
+        """A table for people, as `made_table`."""
+        if not self.as_json:
+            self.messages.print(made_table(title, columns, rows, caption), soft_wrap=False)
 
     def result(self, document: Any) -> None:
         """The command's result as JSON, if requested."""
@@ -162,6 +144,29 @@ class Output:
             others = [str(other) for other in getattr(error, "problems", ())[1:]]
             more = {"others": others} if others else {}
             self.result({"error": {"message": message, "exit_code": int(code), **place, **more}})
+
+
+def made_table(title: str, columns: Iterable[str], rows: Iterable[Iterable[str]], caption: str = "") -> Table:
+    """A table for a terminal. A column's name starts with `*` for text, with `~` for text that may be folded; otherwise numbers."""
+    columns = list(columns)
+    table = Table(
+        title=Text(shown(title), style="table.title"),
+        caption=Text(shown(caption), style="table.caption") if caption else None,
+        title_justify="left",
+        caption_justify="left",
+        show_header=any(column.strip("*~") for column in columns),
+    )
+    # Names and cells are literal text, never markup: a marker's name may look like markup.
+    for column in columns:
+        text = column.startswith(("*", "~"))
+        table.add_column(
+            Text(shown(column.lstrip("*~"))),
+            justify="left" if text else "right",
+            no_wrap=not column.startswith("~"),
+        )
+    for row in rows:
+        table.add_row(*(Text(shown(cell)) for cell in row))
+    return table
 
 
 def shown(text: str) -> str:

@@ -9,9 +9,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..counted import counted
-from .output import Output
+from .output import Output, made_table
 
 if TYPE_CHECKING:
+    from rich.table import Table
+
     from ..correct import LookReport, Outcome
 
 MILLIMETRES = 1000.0
@@ -47,20 +49,17 @@ def progress_of_looks(
     yield output.errors.print, line, lambda look, number: None
 
 
-def _table(reports: list[LookReport], caption: str = "") -> Any:
-    from rich.table import Table
-
-    title = "Distance from the target, mm (± one standard deviation of its length)"
-    table = Table(title=title, caption=caption or None, title_justify="left", caption_justify="left")
-    for name, justify in (("look", "right"), ("steps", "right"), ("pictures", "right")):
-        table.add_column(name, justify=justify)  # type: ignore[arg-type]
-    for marker in reports[-1].markers if reports else ():
-        table.add_column(marker.marker, justify="right")
-    table.add_column("then")
-    for report in reports:
-        cells = [str(report.look), str(report.steps), str(report.views), *map(_cell, report.markers)]
-        table.add_row(*cells, _next(report))
-    return table
+def _table(reports: list[LookReport], caption: str = "") -> Table:
+    markers = reports[-1].markers if reports else ()
+    return made_table(
+        "Distance from the target, mm (± one standard deviation of its length)",
+        ("look", "steps", "pictures", *(marker.marker for marker in markers), "~then"),
+        [
+            (str(one.look), str(one.steps), str(one.views), *map(_cell, one.markers), _next(one))
+            for one in reports
+        ],
+        caption,
+    )
 
 
 def _cell(marker: Any) -> str:

@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING
 from .._core import MirrorPostureError
 
 if TYPE_CHECKING:
+    import typer
+
     from ..robot import Robot
 
 ANGLES = {"rad": 1.0, "deg": math.radians(1.0), "°": math.radians(1.0), "": math.radians(1.0)}
@@ -111,3 +113,10 @@ def mirror_size(given: str | None) -> tuple[float | None, float | None]:
             f"{100 * SMALLEST_MIRROR_M:g} to below {100 * LARGEST_MIRROR_M:g}, as in 40x60: is it in {'m' if small else 'mm'}?"
         )
     return width, height
+
+
+def given_options(context: typer.Context) -> set[str]:
+    """The names of a command's parameters that were given on the command line, also with their default's value."""
+    sources = {name: context.get_parameter_source(name) for name in context.params}
+    # By name: some releases of typer have click's classes twice.
+    return {name for name, source in sources.items() if source is not None and source.name == "COMMANDLINE"}

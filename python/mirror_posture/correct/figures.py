@@ -22,7 +22,8 @@ from ..measurement import (
 )
 from ..mirror import IDEAL_MIRROR
 from ..optics import see_in_mirror
-from ..output_files import new_file, write_file
+from ..output_files import new_file
+from ..picture_files import write_picture
 from ..picture_marks import MEASURED_BGR, WANTED_BGR, Pixels, draw_label, draw_mark
 from ..session import Session, load_session
 from .outcome import LookReport, Outcome
@@ -132,8 +133,7 @@ def write_before_and_after(folder: Path, outcome: Outcome, file: Path) -> bool:
         cv2.copyMakeBorder(p, 0, height - p.shape[0], 0, 12, cv2.BORDER_CONSTANT, value=(255, 255, 255))
         for p in panels
     ]
-    _, content = cv2.imencode(file.suffix, np.hstack(padded))
-    write_file(file, content.tobytes())
+    write_picture(file, np.hstack(padded))
     return True
 
 

@@ -2,23 +2,23 @@
 
 from __future__ import annotations
 
+import csv
+import io
 import os
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from ..output_files import sync_folder
+from ..output_files import write_file
 
 FRAMES, DETECTIONS, POINTS = "frames.csv", "detections.csv", "points.csv"
 
 
 def line(cells: Sequence[Any]) -> str:
-    # repr keeps all digits of a float; names with a comma are quoted as CSV has it.
-    texts = [repr(cell) if isinstance(cell, float) else str(cell) for cell in cells]
-    quoted = [
-        '"' + text.replace('"', '""') + '"' if any(c in text for c in ',"\n') else text for text in texts
-    ]
-    return ",".join(quoted) + "\n"
+    """A row as CSV has it, with all digits of its floats and an end of one byte, which `append` and `cut_last_line` count on."""
+    text = io.StringIO()
+    csv.writer(text, lineterminator="\n").writerow(cells)
+    return text.getvalue()
 
 
 def append(file: Path, columns: Sequence[str], rows: Sequence[Sequence[Any]]) -> None:
@@ -33,17 +33,6 @@ def append_bytes(file: Path, data: bytes) -> None:
         os.fsync(stream.fileno())
 
 
-def write_whole(file: Path, data: bytes) -> None:
-    """Under its name only once it is whole and on the disk."""
-    beside = file.with_name(f".{file.name}.part")
-    with open(beside, "wb") as stream:
-        stream.write(data)
-        stream.flush()
-        os.fsync(stream.fileno())
-    os.replace(beside, file)
-    sync_folder(file.parent)
-
-
 def cut_last_line(file: Path) -> None:
     """Removes everything after the last end of a line."""
     if not file.is_file():
@@ -51,7 +40,7 @@ def cut_last_line(file: Path) -> None:
     data = file.read_bytes()
     whole = data[: data.rfind(b"\n") + 1]
     if len(whole) != len(data):
-        write_whole(file, whole)
+        write_file(file, whole)
 
 
 def drop_orphans(folder: Path) -> None:
@@ -64,4 +53,4 @@ def drop_orphans(folder: Path) -> None:
         lines = file.read_bytes().splitlines(keepends=True)
         kept = lines[:1] + [line for line in lines[1:] if line.partition(b",")[0] in frames]
         if len(kept) != len(lines):
-            write_whole(file, b"".join(kept))
+            write_file(file, b"".join(kept))

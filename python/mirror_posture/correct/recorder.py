@@ -19,7 +19,7 @@ import numpy as np
 import tomli_w
 
 from .._core import MirrorPostureError
-from ..output_files import new_folder
+from ..output_files import new_folder, write_file
 from ..robots.errors import NoLookError
 from ..robots.nominal import Nominal
 from ..robots.protocol import ImagePoints, Look, MarkerPoints
@@ -37,7 +37,6 @@ from .lines import (
     cut_last_line,
     drop_orphans,
     line,
-    write_whole,
 )
 from .observation import Readings
 from .outcome import Outcome
@@ -112,7 +111,7 @@ class Recorder:
             looks = recorded_looks(session, nominal)
             postures = session.frames.posture.tolist()
             past = Past(tuple(looks), tuple(postures), tuple(read_readings(folder / READINGS)))
-        write_whole(folder / UNFINISHED, b"")
+        write_file(folder / UNFINISHED, b"")
         recorder = cls(folder, nominal, header["joints"], past, last + 1)
         if past.looks:
             # Once more, whole: the last frame's image points may have been cut.
@@ -136,13 +135,15 @@ class Recorder:
         frame = self._next
         image = ""
         if look.picture_bgr is not None:
-            import cv2
+            from ..picture_files import encoded_picture
 
             image = f"images/{frame:04d}.png"
-            good, data = cv2.imencode(".png", look.picture_bgr)
-            if not good:
-                raise NoLookError("the look's picture could not be encoded as PNG")
-            write_whole(self.folder / image, data.tobytes())
+            try:
+                data = encoded_picture(look.picture_bgr, image)
+            except MirrorPostureError as error:
+                # Another look may give a better one.
+                raise NoLookError(str(error)) from None
+            write_file(self.folder / image, data)
         elif look.points is not None:
             # Without a picture nothing can be detected again: the points come before the frame that speaks of them.
             self._append_detections(frame, look)
@@ -170,7 +171,7 @@ class Recorder:
     def end(self, outcome: Outcome) -> None:
         """Writes what came of it. An interrupted correction stays open to `resume`."""
         document = json.dumps(_plain({**asdict(outcome), "data": outcome.data}), indent=1, allow_nan=False)
-        write_whole(self.folder / RESULT, document.encode())
+        write_file(self.folder / RESULT, document.encode())
         if outcome.stop.kind not in ("interrupted", "robot_failed"):
             (self.folder / UNFINISHED).unlink(missing_ok=True)
 
@@ -183,7 +184,7 @@ class Recorder:
         file = self.folder / FILE
         if "[points]" not in file.read_text(encoding="utf-8"):
             addition = tomli_w.dumps({"points": {"frame": points.frame_link}})
-            write_whole(file, file.read_bytes() + b"\n" + addition.encode())
+            write_file(file, file.read_bytes() + b"\n" + addition.encode())
         rows = [
             [frame, name, *points.point_m[index].tolist()]
             for index, name in enumerate(self.nominal.marker_names)
@@ -200,7 +201,7 @@ class Recorder:
             if look.points is not None:
                 rows += _detection_rows(frame, look.points, self.nominal)
         text = "".join(line(row) for row in [_DETECTION_COLUMNS, *rows])
-        write_whole(self.folder / DETECTIONS, text.encode())
+        write_file(self.folder / DETECTIONS, text.encode())
 
 
 _DETECTION_COLUMNS = ["frame", "target", "index", "u", "v", "std_px"]

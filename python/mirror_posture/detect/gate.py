@@ -57,13 +57,16 @@ class GateOptions:
             if not (math.isfinite(value) and value >= 0.0):
                 raise MirrorPostureError(f"{name} = {value}: needed a number of at least 0")
 
-    def limit_px(self, corners_px: FloatArray, board: Board) -> float:
-        """The limit for a view's corners `(N, 2)` in the board's order, px; by the smallest of its squares."""
-        grid = corners_px.reshape(board.rows, board.columns, 2)
-        sides = [np.linalg.norm(np.diff(grid, axis=axis), axis=2).ravel() for axis in (0, 1)]
-        # A tenth of the sides may be wrong, or not measured.
-        side = float(np.quantile(np.concatenate(sides), 0.1))
-        share = self.max_residual_squares * side if np.isfinite(side) else 0.0
+    def limit_px(
+        self, corners_px: FloatArray, board: Board, visible: npt.NDArray[np.bool_] | None = None
+    ) -> float:
+        """The limit for a view's corners `(N, 2)` in the board's order, px; by the smallest of its squares between corners that are visible `(N,)`."""
+        seen = corners_px if visible is None else np.where(visible[:, None], corners_px, np.nan)
+        grid = seen.reshape(board.rows, board.columns, 2)
+        sides = np.concatenate([np.linalg.norm(np.diff(grid, axis=axis), axis=2).ravel() for axis in (0, 1)])
+        sides = sides[np.isfinite(sides)]
+        # A tenth of the sides may be wrong.
+        share = self.max_residual_squares * float(np.quantile(sides, 0.1)) if len(sides) else 0.0
         return max(self.max_residual_rms_px, min(share, LARGEST_DEFAULT_RESIDUAL_PX))
 
 
@@ -99,7 +102,7 @@ def board_residual(
 ) -> GateResult:
     """Residual of labelled corners `(N, 2)` against the flat board, of the visible ones `(N,)` if not all are."""
     options = options or GateOptions()
-    limit = options.limit_px(corners_px, board) if visible is None else options.max_residual_rms_px
+    limit = options.limit_px(corners_px, board, visible)
     plane = board.corner_in_board_m[:, :2] / board.square_m
     pixels = corners_px
     if visible is not None:
@@ -149,7 +152,7 @@ def pose_gate(
         return PoseGate(
             None, "no pose of the board before this camera explains the corners: check the camera file"
         )
-    limit = options.limit_px(corners_px, board)
+    limit = options.limit_px(corners_px, board, visible)
     if pose.rms_px <= limit:
         return PoseGate(pose.rms_px, "")
     return PoseGate(

@@ -55,7 +55,6 @@ class PartlySeen(ShortRepr):
     seen: npt.NDArray[np.bool_]
     dark_first: bool
     window_half_px: int
-    residual: GateResult
     reason: str
 
 
@@ -94,7 +93,6 @@ def read_partly_seen(
         seen.reshape(shown.shape),
         dark_first,
         refined.window_half_px,
-        refined.residual,
         reason,
     )
 

@@ -28,12 +28,10 @@ MIN_PREDICTION_RATIO = 2.0
 
 @dataclass(frozen=True, eq=False, repr=False)
 class LabelledGrid(ShortRepr):
-    """The labelled corners `(N, 2)` px, or the reason why they cannot be labelled."""
+    """The labelled corners `(N, 2)` px, or the reason why they cannot be labelled (else empty)."""
 
-    ok: bool
     reason: str
     corners_px: FloatArray
-    candidates: tuple[FloatArray, ...] = ()
 
 
 def handedness(grid: FloatArray) -> float:
@@ -58,22 +56,20 @@ def settle_labels(
     ]
     candidates = tuple(turned.reshape(-1, 2) for turned, dark in right_hand if dark)
     if len(candidates) == 1:
-        return LabelledGrid(True, "", candidates[0], candidates)
+        return LabelledGrid("", candidates[0])
     if not candidates:
-        return LabelledGrid(False, _colour_reason(board, via), grid.reshape(-1, 2))
+        return LabelledGrid(_colour_reason(board, via), grid.reshape(-1, 2))
     if predicted_px is not None and predicted_px.shape == candidates[0].shape:
         distance = np.array([np.sqrt(np.mean(np.sum((c - predicted_px) ** 2, axis=1))) for c in candidates])
         order = np.argsort(distance)
         if distance[order[1]] >= MIN_PREDICTION_RATIO * max(distance[order[0]], 1e-9):
-            return LabelledGrid(True, "", candidates[int(order[0])], candidates)
+            return LabelledGrid("", candidates[int(order[0])])
         return LabelledGrid(
-            False,
             f"labels ambiguous: the predicted corners are {distance[order[0]]:.1f} px from the nearest labelling and "
             f"{distance[order[1]]:.1f} px from the next: predict closer",
             candidates[int(order[0])],
-            candidates,
         )
-    return LabelledGrid(False, _ambiguous_reason(board), candidates[0], candidates)
+    return LabelledGrid(_ambiguous_reason(board), candidates[0])
 
 
 def _symmetries(grid: FloatArray, dark_first: bool) -> list[tuple[FloatArray, bool]]:

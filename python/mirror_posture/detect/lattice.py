@@ -54,8 +54,6 @@ MOST_DRAWS = 100
 # along a row; cells straightened in that way fill more of their rows and columns, by this factor.
 SHIFTS = (-4, -2, 2, 4)
 STRAIGHTER = 1.2
-LONG_BAND = 1.65
-LEAST_OF_SLANTED = 0.4
 # A grid goes on where four squares meet at this share of a line beyond it.
 GOES_ON = 0.7
 GOES_ON_AROUND = 0.4
@@ -308,10 +306,7 @@ def _windows(lines: _Lines, board: Board) -> Iterator[tuple[FloatArray, npt.NDAr
 def _shares(mask: npt.NDArray[np.bool_], rows: int, columns: int) -> FloatArray:
     """The share of a mask that is set in each window of the given rows and columns, by the window's first
     cell."""
-    sums = np.zeros((mask.shape[0] + 1, mask.shape[1] + 1))
-    sums[1:, 1:] = mask.cumsum(axis=0).cumsum(axis=1)
-    whole = sums[rows:, columns:] - sums[:-rows, columns:] - sums[rows:, :-columns] + sums[:-rows, :-columns]
-    shares: FloatArray = whole / (rows * columns)
+    shares: FloatArray = np.lib.stride_tricks.sliding_window_view(mask, (rows, columns)).mean(axis=(2, 3))
     return shares
 
 

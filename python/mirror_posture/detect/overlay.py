@@ -15,9 +15,9 @@ import cv2
 import numpy as np
 
 from ..arguments import checked_arguments
-from ..output_files import write_file
+from ..picture_files import write_picture
 from .reading import Picture, as_picture
-from .types import BoardView, DetectionError, FloatArray, MarkerView, PictureDetections, Pixels
+from .types import BoardView, FloatArray, MarkerView, PictureDetections, Pixels
 
 # Narrower pictures are enlarged, so that lines of one pixel do not hide what they mark.
 ENLARGE_BELOW_PX = 1400
@@ -59,15 +59,7 @@ def draw_overlay(picture: Picture, detections: PictureDetections) -> Picture:
 @checked_arguments
 def write_overlay(path: Path | str, picture: Picture, detections: PictureDetections) -> None:
     """Writes the overlay as a picture file. Raises `MirrorPostureError` if it cannot be written."""
-    file = Path(path)
-    suffix = file.suffix or ".png"
-    try:
-        done, content = cv2.imencode(suffix, draw_overlay(picture, detections))
-    except cv2.error:
-        done = False
-    if not done:
-        raise DetectionError(f"{file}: no picture format {suffix!r}; use .png or .jpg")
-    write_file(file, content.tobytes())
+    write_picture(path, draw_overlay(picture, detections))
 
 
 class _Pen:

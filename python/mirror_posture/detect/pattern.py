@@ -40,12 +40,10 @@ LEAST_OF_END = 0.5
 
 @dataclass(frozen=True)
 class PatternCheck:
-    """Verdict on a grid. `dark_first`: the square beyond grid corner (0, 0) is dark. `reason` is empty if `ok`."""
+    """Verdict on a grid. `dark_first`: the square beyond grid corner (0, 0) is dark. `reason` is empty if it is a chessboard."""
 
-    ok: bool
     reason: str
     dark_first: bool
-    contrast_levels: float
 
 
 def check_pattern(gray: Pixels, grid: FloatArray) -> PatternCheck:
@@ -56,27 +54,22 @@ def check_pattern(gray: Pixels, grid: FloatArray) -> PatternCheck:
     relative, dark_first, contrast = corner_contrast(gray, grid)
     ny, nx = relative.shape
     if not np.isfinite(relative).all():
-        return PatternCheck(False, "the board is cut off by the picture's edge", False, 0.0)
+        return PatternCheck("the board is cut off by the picture's edge", False)
     if contrast < MIN_CONTRAST_LEVELS:
         return PatternCheck(
-            False,
             f"the squares have too little contrast: {contrast:.1f} of 255 levels, needed {MIN_CONTRAST_LEVELS:.0f}",
             False,
-            contrast,
         )
     reason = bad_line(relative) or _bad_corner(relative)
     if reason:
-        return PatternCheck(False, reason, dark_first, contrast)
+        return PatternCheck(reason, dark_first)
     side = goes_on_beyond(gray, grid, dark_first)
     if side:
         return PatternCheck(
-            False,
             f"the chessboard goes on beyond the grid's {side}: a board with more than {nx} × {ny} inner corners, or a grid shifted by a row",
             dark_first,
-            contrast,
         )
-    elsewhere = ends_elsewhere(gray, grid, np.ones((ny, nx), dtype=bool))
-    return PatternCheck(not elsewhere, elsewhere, dark_first, contrast)
+    return PatternCheck(ends_elsewhere(gray, grid, np.ones((ny, nx), dtype=bool)), dark_first)
 
 
 def corner_contrast(gray: Pixels, grid: FloatArray) -> tuple[FloatArray, bool, float]:

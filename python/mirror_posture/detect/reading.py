@@ -7,7 +7,6 @@ stored pixels. The tag is kept, to name it if a picture's size does not fit.
 from __future__ import annotations
 
 import io
-import warnings
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -18,16 +17,15 @@ from PIL import Image, JpegImagePlugin, UnidentifiedImageError
 
 from .._core import plain_png
 from ..arguments import checked_arguments
-from ..input_files import read_regular, reason
+from ..input_files import PICTURE_SUFFIXES, read_regular, reason
+from ..picture_files import MOST_PIXELS
 from ..short_repr import ShortRepr
 from .recoded import Codec
 from .types import DetectionError
 
 Picture = npt.NDArray[np.uint8]
 
-PICTURE_SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".webp", ".pgm", ".ppm")
 MIN_SIDE_PX = 16
-MAX_PIXELS = 150_000_000
 LARGEST_PICTURE = 1_000_000_000
 """Bytes of a picture's file at most: more than 150 million pixels of 48 bits have."""
 
@@ -96,13 +94,10 @@ def read_picture_file(path: Path | str) -> PictureFile:
         raise DetectionError(f"{file}: the picture is empty (0 bytes); take or copy it again")
     known = file.suffix.lower() in PICTURE_SUFFIXES
     try:
-        with warnings.catch_warnings():
-            # Pillow's own warning of large pictures: the limit below is the one that counts.
-            warnings.simplefilter("ignore", Image.DecompressionBombWarning)
-            picture = Image.open(io.BytesIO(content))
+        picture = Image.open(io.BytesIO(content))
     except Image.DecompressionBombError:
         raise DetectionError(
-            f"{file}: the picture has far more than {MAX_PIXELS // 10**6} million pixels"
+            f"{file}: the picture has far more than {MOST_PIXELS // 10**6} million pixels"
         ) from None
     except (UnidentifiedImageError, OSError, ValueError, SyntaxError):
         kind = "broken" if known else "no picture (known: PNG, JPEG, BMP, TIFF, WebP)"
@@ -214,9 +209,9 @@ def _codec(picture: Image.Image) -> Codec | None:
 
 
 def _check_size(width: int, height: int, name: str) -> None:
-    if height < MIN_SIDE_PX or width < MIN_SIDE_PX or height * width > MAX_PIXELS:
+    if height < MIN_SIDE_PX or width < MIN_SIDE_PX or height * width > MOST_PIXELS:
         raise DetectionError(
-            f"{name}: is {width} × {height} px; needed at least {MIN_SIDE_PX} px a side and at most {MAX_PIXELS // 10**6} million pixels"
+            f"{name}: is {width} × {height} px; needed at least {MIN_SIDE_PX} px a side and at most {MOST_PIXELS // 10**6} million pixels"
         )
 
 

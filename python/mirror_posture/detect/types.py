@@ -198,44 +198,6 @@ class PictureDetections:
             "markers": [_marker_json(view) for view in self.markers],
         }
 
-    def rows(self, frame: int) -> list[dict[str, Any]]:
-        """Rows of `detections.csv` for this picture: only what is not masked, `std_px` and `center` added."""
-        rows: list[dict[str, Any]] = []
-        for board in self.boards:
-            if not board.ok or board.corners_px is None or board.std_px is None:
-                continue
-            for index, (u, v) in enumerate(board.corners_px):
-                if board.visible is not None and not board.visible[index]:
-                    continue
-                rows.append(
-                    {
-                        "frame": frame,
-                        "target": "board",
-                        "index": index,
-                        "u": float(u),
-                        "v": float(v),
-                        "via": board.via,
-                        "std_px": float(board.std_px[index]),
-                        "center": "",
-                    }
-                )
-        for marker in self.markers:
-            if not marker.ok or marker.pixel_px is None:
-                continue
-            rows.append(
-                {
-                    "frame": frame,
-                    "target": marker.name,
-                    "index": 0,
-                    "u": float(marker.pixel_px[0]),
-                    "v": float(marker.pixel_px[1]),
-                    "via": "mirror",
-                    "std_px": marker.std_px,
-                    "center": marker.center_kind,
-                }
-            )
-        return rows
-
 
 def _listed(array: npt.NDArray[Any] | None) -> Any:
     return None if array is None else array.tolist()

@@ -192,6 +192,6 @@ def _entity(at: str) -> str:
     return at.replace("<-", "_from_").replace(":", "/")
 
 
-def _rgb(colour: str) -> tuple[int, int, int]:
+def _rgb(colour: str) -> tuple[int, ...]:
     """`#2f7f4f` as three bytes."""
-    return int(colour[1:3], 16), int(colour[3:5], 16), int(colour[5:7], 16)
+    return tuple(bytes.fromhex(colour[1:]))

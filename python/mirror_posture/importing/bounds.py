@@ -11,7 +11,6 @@ import io
 import re
 import sqlite3
 import tempfile
-import warnings
 from collections.abc import Iterator
 from contextlib import closing, contextmanager
 from pathlib import Path
@@ -19,9 +18,11 @@ from typing import IO, Any
 
 import cv2
 import numpy as np
+from PIL import Image
 
 from .._core import MirrorPostureError
 from ..input_files import LARGEST_TABLE, given_text, open_regular, parse_yaml
+from ..picture_files import MOST_PIXELS
 from .recording import Picture
 
 LARGEST_FILE = 1_000_000_000_000
@@ -30,8 +31,6 @@ LARGEST_PACKED = 20_000_000_000
 """Bytes that a packed file of a bag unfolds to at most: its reader unpacks it as a whole, onto the disk."""
 LARGEST_CHUNK = LARGEST_TABLE
 """Bytes of a chunk, a record or a message of a bag at most, packed and unpacked."""
-MOST_PIXELS = 150_000_000
-"""Of a picture at most, as of a session's pictures."""
 MOST_PICTURES = 2_000_000
 """Pictures of a recording at most: 18 hours of 30 a second."""
 MOST_POSITIONS = 100_000_000
@@ -66,12 +65,8 @@ def checked_size(width: int, height: int, name: str) -> None:
 
 def decoded(data: bytes, name: str) -> Picture:
     """A compressed picture as BGR, as stored: a rotation in its file is not applied."""
-    from PIL import Image
-
     try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", Image.DecompressionBombWarning)
-            size = Image.open(io.BytesIO(data)).size
+        size = Image.open(io.BytesIO(data)).size
     # Errors of many kinds, because a picture's content is arbitrary.
     except Exception as error:
         raise MirrorPostureError(

@@ -9,13 +9,15 @@ from pathlib import Path
 import numpy as np
 
 from .._core import MirrorPostureError
+from ..picture_files import MOST_PIXELS
 from ..session.detections import refuse_twice
 from ..session.tables import open_table
-from .bounds import MOST_PIXELS, checked_size, counted_pictures, opened
+from .bounds import checked_size, counted_pictures, opened
 from .joint_csv import TIME, joint_csv
 from .recording import Picture, Recording
 
 FILMS = (".mp4", ".mkv", ".avi", ".mov", ".webm")
+"""Endings of films."""
 CONTAINERS = "mov,mp4,m4a,3gp,3g2,mj2,matroska,webm,avi"
 """As ffmpeg calls those that are read."""
 IMAGE = "image"
@@ -71,8 +73,6 @@ def read_pictures(folder: Path, joints_file: Path, degrees: bool, time: str = TI
     from ..detect import list_pictures, read_picture
 
     files = list_pictures(folder)
-    if not files:
-        raise MirrorPostureError(f"{folder}: holds no pictures")
     table = folder / "times.csv"
     if os.path.lexists(table):
         rows = open_table(table)

@@ -14,6 +14,7 @@ import pyarrow as pa
 from .._core import MirrorPostureError
 from ..arrays import Floats
 from ..output_files import keep_files, new_folder
+from ..picture_files import encoded_picture
 from ..robot import Robot
 from ..session.camera_info import dump_camera_info
 from ..session.errors import SessionError, choices
@@ -294,12 +295,7 @@ def _write(
         if log.measured is not None:
             measured.append(np.median(log.measured[inside], axis=0))
         names.append(_picture_name(number))
-        done, data = cv2.imencode(".png", picture)
-        if not done:
-            raise MirrorPostureError(
-                f"{recording.source}: a picture of shape {picture.shape} cannot be written"
-            )
-        (folder / names[-1]).write_bytes(data.tobytes())
+        (folder / names[-1]).write_bytes(encoded_picture(picture, names[-1]))
     order = np.arange(len(chosen))
     columns = {
         "frame": order,

@@ -10,64 +10,21 @@ import numpy as np
 
 from ..arrays import Floats
 from ..detect import read_picture
-from ..figure_settings import literal
 from ..mirror import IDEAL_MIRROR
 from ..optics import see_in_mirror
-from ..output_files import new_file, write_file
+from ..output_files import new_file
+from ..pages.drawing import styled
+from ..picture_files import write_picture
 from ..picture_marks import MEASURED_BGR, WANTED_BGR, Pixels, draw_label, draw_mark
 from ..session import Session
+from .differences import MILLIMETRES, draw_differences
 from .types import Measurement
 
-MILLIMETRES = 1000.0
 
-
-@literal
+@styled
 def plot_measured_against_model(measurement: Measurement, file: Path) -> None:
     """One panel a marker: measured minus model along x, y, z of the root frame in each posture, mm, with 1 σ bars."""
-    from matplotlib.figure import Figure
-
-    markers = measurement.markers
-    shown = [
-        i for i in range(len(measurement.marker_names)) if (markers.measured & (markers.marker == i)).any()
-    ]
-    columns = 2 if len(shown) == 4 else min(3, max(1, len(shown)))
-    rows = max(1, -(-len(shown) // columns))
-    figure = Figure(figsize=(5.0 * columns, 3.0 * rows + 0.6), layout="constrained")
-    axes = figure.subplots(rows, columns, squeeze=False, sharey=True)
-    difference = (markers.point_in_root_m - markers.model_in_root_m) * MILLIMETRES
-    std = np.sqrt(np.diagonal(markers.covariance_in_root_m2, axis1=1, axis2=2)) * MILLIMETRES
-    for panel, ax in enumerate(axes.flat):
-        if panel >= len(shown):
-            ax.set_visible(False)
-            continue
-        mine = markers.measured & (markers.marker == shown[panel])
-        posture = markers.posture[mine]
-        rms = float(np.sqrt((markers.distance_m[mine] ** 2).mean())) * MILLIMETRES
-        for axis, (name, color) in enumerate(zip("xyz", ("tab:red", "tab:green", "tab:blue"), strict=True)):
-            ax.errorbar(
-                posture + 0.12 * (axis - 1),
-                difference[mine, axis],
-                std[mine, axis],
-                fmt="o",
-                color=color,
-                label=name,
-                markersize=3.0 if len(posture) > 40 else 4.5,
-                linewidth=1.0,
-            )
-        ax.axhline(0.0, color="0.5", linewidth=0.8)
-        ax.set_title(
-            f"{measurement.marker_names[shown[panel]]}: {rms:.2f} mm RMS from the model", fontsize=10
-        )
-        ax.grid(alpha=0.25)
-        ax.xaxis.get_major_locator().set_params(integer=True)
-        if panel % columns == 0:
-            ax.set_ylabel("measured − model, mm")
-        if panel + columns >= len(shown):
-            ax.set_xlabel("posture")
-    if shown:
-        figure.legend(
-            *axes.flat[0].get_legend_handles_labels(), loc="outside lower right", ncols=3, fontsize=9
-        )
+    figure = draw_differences(measurement)
     figure.suptitle(
         f"Markers measured in the mirror ({measurement.estimator}); root frame; bars: one standard deviation"
     )
@@ -121,8 +78,7 @@ def write_measured_and_model(session: Session, measurement: Measurement, row: in
     canvas = draw_measured_and_model(session, measurement, row)
     if canvas is None:
         return False
-    _, content = cv2.imencode(file.suffix, canvas)
-    write_file(file, content.tobytes())
+    write_picture(file, canvas)
     return True
 
 

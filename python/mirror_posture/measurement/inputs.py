@@ -72,8 +72,8 @@ def noise_px(session: Session, core: MeasureInput, options: MeasureOptions) -> t
     on many more points.
     """
     stated, seen = session.noise.pixel_std_px, session.mirror_view
-    corner = options.corner_noise_px or stated or _claimed_px(seen.board_std_px)
-    marker = options.marker_noise_px or stated or _claimed_px(seen.marker_std_px)
+    corner = options.corner_noise_px or stated or seen.claimed_board_px
+    marker = options.marker_noise_px or stated or seen.claimed_marker_px
     if corner is not None and marker is not None:
         return corner, marker
     corner = corner or _corner_noise_px(session, core, options)
@@ -86,12 +86,6 @@ def noise_px(session: Session, core: MeasureInput, options: MeasureOptions) -> t
         )
         marker = corner * excess_of_markers(done.point_chi_squared, done.point_degrees_of_freedom)
     return corner, marker
-
-
-def _claimed_px(std_px: Floats | None) -> float | None:
-    """The median of the detector's standard deviations; None where it gave none."""
-    given = np.zeros(0) if std_px is None else std_px[std_px > 0.0]
-    return float(np.median(given)) if len(given) else None
 
 
 def _corner_noise_px(session: Session, core: MeasureInput, options: MeasureOptions) -> float:

@@ -10,19 +10,16 @@ import numpy as np
 
 from .._core import __version__
 from ..output_files import write_file
-from ..pages import Drawing, figure, finished, inline, render, styled
-from ..pages.drawing import AFTER, BAR_ALPHA, BEFORE, GOOD, INK, MANY_POINTS
+from ..pages import Drawing, finished, inline, render, styled
 from ..session import Session
+from .differences import MILLIMETRES, draw_differences
 from .table import summarise
 from .types import Measurement
 from .used import used
 
 TEMPLATE = "measure.html.j2"
-MILLIMETRES = 1000.0
 MOST_ROWS = 2000
 MOST_PANELS = 12
-COLUMNS = 3
-AXES = (("x", BEFORE), ("y", GOOD), ("z", AFTER))
 
 
 @dataclass(frozen=True)
@@ -87,47 +84,4 @@ def _mm(value: float | None) -> str:
 
 @styled
 def _draw(measurement: Measurement) -> Drawing:
-    markers = measurement.markers
-    difference = MILLIMETRES * (markers.point_in_root_m - markers.model_in_root_m)
-    std = MILLIMETRES * np.sqrt(np.diagonal(markers.covariance_in_root_m2, axis1=1, axis2=2))
-    shown = [
-        i for i in range(len(measurement.marker_names)) if (markers.measured & (markers.marker == i)).any()
-    ][:MOST_PANELS]
-    height = -(-len(shown) // COLUMNS)
-    drawn, axes = figure(11.0, 2.4 * height + 0.4, height, COLUMNS, sharey=True)
-    for panel, ax in enumerate(axes.flat):
-        if panel >= len(shown):
-            ax.set_visible(False)
-            continue
-        mine = markers.measured & (markers.marker == shown[panel])
-        many = int(mine.sum()) > MANY_POINTS
-        for axis, (name, colour) in enumerate(AXES):
-            ax.errorbar(
-                markers.posture[mine] + 0.12 * (axis - 1),
-                difference[mine, axis],
-                std[mine, axis],
-                fmt="o",
-                color=colour,
-                ecolor=(colour, BAR_ALPHA),
-                markersize=1.2 if many else 3.5,
-                linewidth=1.0,
-                rasterized=many,
-                label=name,
-            )
-        ax.axhline(0.0, color=INK, linewidth=0.6)
-        ax.set_title(measurement.marker_names[shown[panel]], fontsize=10, loc="left", color=INK)
-        # A single posture would be drawn on a scale of hundredths.
-        ax.set_xlim(markers.posture[mine].min() - 0.5, markers.posture[mine].max() + 0.5)
-        ax.xaxis.get_major_locator().set_params(integer=True)
-        if panel % COLUMNS == 0:
-            ax.set_ylabel("measured − model, mm")
-        if panel + COLUMNS >= len(shown):
-            ax.set_xlabel("posture")
-    drawn.legend(
-        *axes.flat[0].get_legend_handles_labels(),
-        fontsize=9,
-        frameon=False,
-        loc="outside upper right",
-        ncols=3,
-    )
-    return finished(drawn, "measured")
+    return finished(draw_differences(measurement, MOST_PANELS), "measured")

@@ -17,7 +17,6 @@ if TYPE_CHECKING:
     from .types import Measurement
 
 AXES = "xyz"
-MILLIMETRES = 1000.0
 
 
 def marker_table(measurement: Measurement) -> pa.Table:

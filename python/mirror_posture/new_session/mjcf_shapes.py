@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..arrays import Floats
+from ..file_names import file_name_of
 from ..rotations import rpy_of_rotation
 from ..shapes.triangles import Triangles, sphere
 
@@ -84,7 +85,7 @@ class MjcfShapes:
             yield 0.0, self._mesh(model.mesh(mesh).name or f"mesh_{mesh}", found)
 
     def _mesh(self, name: str, mesh: Triangles) -> str:
-        file = "".join(letter if letter.isalnum() or letter in "-_." else "_" for letter in name) + ".stl"
+        file = file_name_of(name) + ".stl"
         self.meshes[file] = mesh
         return f'<mesh filename="{file}"/>'
 

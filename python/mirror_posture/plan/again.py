@@ -16,6 +16,7 @@ from ..formats import plan_keys
 from ..formats.check import problems
 from ..input_files import LARGEST_TEXT, given_text
 from ..robots.nominal import Nominal
+from ..rotations import reflected
 from .candidates import sift
 from .choose import between, path_blocked
 from .options import MirrorPlace, PlanOptions, turned_mirrors
@@ -113,7 +114,7 @@ class PlannedRoom:
         normal, corners = place.normal_in_root, len(scene.corners[0])
         away_m = (farther - 1.0) * float((place.center_in_root_m - points[:corners].mean(axis=0)) @ normal)
         center = place.center_in_root_m + away_m * normal
-        image = points + 2.0 * ((center - points) @ normal)[:, None] * normal - eye
+        image = reflected(points, normal, center @ normal) - eye
         met = eye + image * (((center - eye) @ normal) / (image @ normal))[:, None]
         aside = (met - center) @ np.stack([place.right_in_root, place.up_in_root]).T
         right, up = 0.5 * (aside.min(axis=0) + aside.max(axis=0))

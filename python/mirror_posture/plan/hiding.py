@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..arrays import Floats, Mask
+from ..rotations import reflected
 from .options import MirrorPlace
 from .setting import Setting
 from .sight import Scene, Sight
@@ -59,14 +60,14 @@ def unhidden(
     face, centres = _face(setting, scene, row) @ turn + eye, scene.markers[row][balls] @ turn + eye
 
     # The camera's image: the way from the mirror to a point lies on the line from there.
-    behind = eye + 2.0 * (at - eye @ normal) * normal
+    behind = reflected(eye, normal, at)
 
     def clear(points: Floats, keep_off_m: float) -> Iterator[bool]:
         """Of each point (N, 3) whether the way to the mirror and on to the camera is free, the last `keep_off_m` before it aside."""
         back = points - behind
         length = np.linalg.norm(back, axis=1)
         back /= length[:, None]
-        image = points + 2.0 * (at - points @ normal)[:, None] * normal - eye
+        image = reflected(points, normal, at) - eye
         out = image / length[:, None]
         share = (at - eye @ normal) / (image @ normal)
         for k, whole in enumerate(length):
@@ -79,7 +80,7 @@ def unhidden(
         return None
     seen = np.zeros(sight.markers.shape[1], dtype=bool)
     for ball, centre in zip(balls, centres, strict=True):
-        radius, towards = float(setting.radii_m[ball]), centre + 2.0 * (at - centre @ normal) * normal - eye
+        radius, towards = float(setting.radii_m[ball]), reflected(centre, normal, at) - eye
         middle, *rim = clear(np.vstack([centre, _rim(centre, towards, radius)]), radius + 1e-3)
         seen[ball] = middle and sum(rim) >= RIM_LEAST
     return seen

@@ -14,7 +14,7 @@ from ..robots.nominal import Nominal
 from .again import PlannedRoom, read_planned_room
 from .candidates import sift
 from .choose import path_blocked
-from .options import MirrorPlace
+from .options import MirrorPlace, square_to
 from .run import SECONDS_A_FRAME, Plan, told_by
 from .sensitivity import Sensitivity
 from .table import POSTURES, read_plan
@@ -83,7 +83,7 @@ def _beyond_limits(planned: PlannedRoom, commanded: dict[str, float]) -> list[st
 def _turned(planned: PlannedRoom, mirror: MirrorPlace) -> MirrorPlace:
     """A mirror of the root's frame with its turn from straight before the robot, as `turned_mirrors` counts it."""
     up, forward = planned.setting.up, planned.setting.forward
-    across, normal = np.cross(up, forward), planned.in_base(mirror).normal_in_root
-    across /= np.linalg.norm(across)
+    across, lean = square_to(forward, up)
+    normal = planned.in_base(mirror).normal_in_root
     yaw = math.atan2(float(normal @ across), float(normal @ forward))
-    return replace(mirror, yaw_rad=yaw, pitch_rad=math.asin(float(np.clip(normal @ up, -1.0, 1.0))))
+    return replace(mirror, yaw_rad=yaw, pitch_rad=math.asin(float(np.clip(normal @ lean, -1.0, 1.0))))

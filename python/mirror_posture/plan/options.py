@@ -125,22 +125,37 @@ def turned_mirrors(
     pitches_deg: Sequence[float] = PITCHES_DEG,
 ) -> list[MirrorPlace]:
     """The mirror turned about its centre, the unturned one first; `forward` is where it is seen from the robot."""
-    across = np.cross(up, forward)
-    across /= np.linalg.norm(across)
     turns = [(0.0, 0.0)]
     if not options.mirror_fixed:
         # Far apart in yaw first; every other one leans, since yaw alone leaves one direction of the camera unseen.
         turns = [(yaw, pitch) for pitch in pitches_deg for yaw in yaws_deg]
         turns = sorted(turns, key=lambda turn: (abs(turn[0]) + abs(turn[1]), turn))
-    found = []
-    for yaw_deg, pitch_deg in turns:
-        yaw, pitch = math.radians(yaw_deg), math.radians(pitch_deg)
-        level = math.cos(yaw) * forward + math.sin(yaw) * across
-        normal = math.cos(pitch) * level + math.sin(pitch) * up
-        top = up - (up @ normal) * normal
-        found.append(
-            MirrorPlace(
-                center_m, normal, top / np.linalg.norm(top), *options.mirror_size_m, yaw, pitch
-            )
-        )  # fmt: skip
-    return found
+    return [
+        turned_mirror(options, center_m, forward, up, math.radians(yaw), math.radians(pitch))
+        for yaw, pitch in turns
+    ]
+
+
+def turned_mirror(
+    options: PlanOptions,
+    center_m: Floats,
+    forward: Floats,
+    up: Floats,
+    yaw_rad: float,
+    pitch_rad: float = 0.0,
+) -> MirrorPlace:
+    """The mirror turned about its centre; `forward` and `up` are unit vectors."""
+    across, lean = square_to(forward, up)
+    level = math.cos(yaw_rad) * forward + math.sin(yaw_rad) * across
+    normal = math.cos(pitch_rad) * level + math.sin(pitch_rad) * lean
+    top = up - (up @ normal) * normal
+    return MirrorPlace(
+        center_m, normal, top / np.linalg.norm(top), *options.mirror_size_m, yaw_rad, pitch_rad
+    )  # fmt: skip
+
+
+def square_to(forward: Floats, up: Floats) -> tuple[Floats, Floats]:
+    """The unit vectors to the left of `forward` and upward, square to it: `forward` need not be level."""
+    across = np.cross(up, forward)
+    across /= np.linalg.norm(across)
+    return across, np.cross(forward, across)

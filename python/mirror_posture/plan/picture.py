@@ -11,7 +11,7 @@ import numpy as np
 from ..arrays import Floats
 from ..counted import counted
 from ..figure_settings import literal
-from .options import MirrorPlace
+from .options import MirrorPlace, square_to
 from .run import Plan
 from .sizes import size_in_words
 
@@ -39,7 +39,9 @@ def draw_plan(plan: Plan, file: Path) -> None:
         figure.subfigures(2, 1, height_ratios=[6.0, 0.5 + 0.26 * min(len(joints), MOST_ROWS)])
     ).tolist()
     robot, setting = plan.setting.nominal.robot, plan.setting
-    across = np.cross(setting.up, setting.forward)
+    across, _ = square_to(setting.forward, setting.up)
+    # Square to `up`: where the robot looks down at its mirror, `forward` is not.
+    ahead = np.cross(across, setting.up)
     axes = top.subplots(1, 2)
     poses = robot.link_poses(plan.positions, list(robot.link_names))[:, :, :3, 3]
     index = {name: k for k, name in enumerate(robot.link_names)}
@@ -48,24 +50,22 @@ def draw_plan(plan: Plan, file: Path) -> None:
     for panel, (vertical, title, word) in zip(
         axes, ((setting.up, "from the side", "up, m"), (across, "from above", "to its left, m")), strict=True
     ):
-        ends = poses[:, bones] @ np.stack([setting.forward, vertical], axis=-1)
+        ends = poses[:, bones] @ np.stack([ahead, vertical], axis=-1)
         panel.add_collection(
             LineCollection(list(ends.reshape(-1, 2, 2)), colors="#57606a", linewidths=0.6, alpha=0.25)
         )
         for number, marker in enumerate(markers):
             seen = plan.markers[:, number]
             points = poses[seen][:, index[marker.link]]
-            panel.plot(
-                points @ setting.forward, points @ vertical, "o", ms=4, color=marker.rgb(), label=marker.name
-            )
+            panel.plot(points @ ahead, points @ vertical, "o", ms=4, color=marker.rgb(), label=marker.name)
         for view, mirror in enumerate(plan.mirrors):
-            _mirror(panel, plan, mirror, vertical, view)
+            _mirror(panel, plan, mirror, (ahead, vertical), view)
         for link, word_of, colour in (
             (setting.camera_link, "camera", "#1f6feb"),
             (setting.board.link, "board", "#b35900"),
         ):
             at = poses[0][index[link]]
-            panel.plot(at @ setting.forward, at @ vertical, "s", ms=8, color=colour, label=word_of)
+            panel.plot(at @ ahead, at @ vertical, "s", ms=8, color=colour, label=word_of)
         panel.set(title=title, xlabel="towards the mirror, m", ylabel=word)
         panel.set_aspect("equal", adjustable="datalim")
         panel.grid(alpha=0.3)
@@ -78,7 +78,8 @@ def draw_plan(plan: Plan, file: Path) -> None:
     figure.savefig(file, dpi=80)
 
 
-def _mirror(panel: Any, plan: Plan, mirror: MirrorPlace, vertical: Floats, view: int) -> None:
+def _mirror(panel: Any, plan: Plan, mirror: MirrorPlace, axes: tuple[Floats, Floats], view: int) -> None:
+    ahead, vertical = axes
     turn, shift = plan.setting.base_from_root[:3, :3], plan.setting.base_from_root[:3, 3]
     half = np.array(
         [
@@ -87,11 +88,11 @@ def _mirror(panel: Any, plan: Plan, mirror: MirrorPlace, vertical: Floats, view:
         ]
     )
     ring = (mirror.center_in_root_m + half) @ turn.T + shift
-    panel.plot(ring @ plan.setting.forward, ring @ vertical, color="#0a7f5a", lw=2)
+    panel.plot(ring @ ahead, ring @ vertical, color="#0a7f5a", lw=2)
     top = ring[np.argmax(ring @ vertical)]
     # One below the other, because the mirrors of several views are nearly at one place.
     panel.annotate(
-        f"view {view}", (top @ plan.setting.forward, top @ vertical), xytext=(-6, -4 - 11 * view), textcoords="offset points", fontsize=8, ha="right"
+        f"view {view}", (top @ ahead, top @ vertical), xytext=(-6, -4 - 11 * view), textcoords="offset points", fontsize=8, ha="right"
     )  # fmt: skip
 
 

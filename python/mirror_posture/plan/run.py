@@ -130,7 +130,7 @@ def make_plan(
     used = sorted(set(view.tolist()))
     return Plan(
         setting, options,
-        tuple(_in_root(setting, mirrors[number]) for number in used),
+        tuple(setting.in_root(mirrors[number]) for number in used),
         positions, np.searchsorted(used, view), _renumbered(posture), candidates.markers[rows], tells,
         dict(reasons), candidates.drawn, tuple(warnings), tuple(ignored),
         float(first.normal_in_root @ (first.center_in_root_m - board)),
@@ -260,11 +260,6 @@ def _ordered(
         if found:
             here = postures[found[-1]]
     return rows, trouble
-
-
-def _in_root(setting: Setting, mirror: MirrorPlace) -> MirrorPlace:
-    turn = setting.base_from_root[:3, :3].T
-    return mirror.moved(turn, -turn @ setting.base_from_root[:3, 3])
 
 
 def _renumbered(posture: Integers) -> Integers:

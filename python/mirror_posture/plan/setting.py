@@ -12,7 +12,7 @@ from ..arrays import Floats, Integers
 from ..board import Board
 from ..camera import Camera
 from ..robots.nominal import Nominal
-from .options import PlanOptions
+from .options import MirrorPlace, PlanOptions
 
 FROM_THE_END = 0.03
 """Share of a joint's range that is left at either end."""
@@ -22,6 +22,8 @@ NEAR_HOME = (0.15, 0.35, 0.7)
 """Besides postures from the whole ranges some are drawn nearer to home, where more of them are in sight."""
 USUAL_NOISE_PX = 0.15
 LEVEL_RAD = math.radians(45.0)
+SMALLEST_LEVEL = 1e-6
+"""Share of a direction that must be level, so that up is another direction."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,6 +46,11 @@ class Setting:
     """From the robot to the mirror, level."""
     base_from_root: Floats
     noise_px: float
+
+    def in_root(self, mirror: MirrorPlace) -> MirrorPlace:
+        """A mirror of the base's frame, in the root's frame."""
+        turn = self.base_from_root[:3, :3].T
+        return mirror.moved(turn, -turn @ self.base_from_root[:3, 3])
 
     @property
     def joint_names(self) -> tuple[str, ...]:
@@ -130,6 +137,11 @@ def read_setting(nominal: Nominal, options: PlanOptions) -> Setting:
             "board's face; turn one of them (init --camera-looks, --board-faces), or give another --home"
         )
     level = forward - (forward @ up) * up
+    if np.linalg.norm(level) < SMALLEST_LEVEL * np.linalg.norm(forward):
+        raise MirrorPostureError(
+            f"{nominal.folder}: at home the camera and the board's face look straight {'up' if forward @ up > 0.0 else 'down'}; needed a "
+            "way to one side, which says where a mirror's top is; tilt both a little (init --camera-looks, --board-faces), or give another --home"
+        )
     if np.linalg.norm(level) > math.cos(LEVEL_RAD) * np.linalg.norm(forward):
         forward = level
     noise = options.noise_px or metadata.noise.pixel_std_px or USUAL_NOISE_PX

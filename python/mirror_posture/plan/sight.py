@@ -10,6 +10,7 @@ import numpy as np
 from ..arrays import Floats, Integers, Mask
 from ..mirror import IDEAL_MIRROR
 from ..optics import see_in_mirror
+from ..rotations import reflected
 from .options import MirrorPlace
 from .setting import Setting
 
@@ -48,8 +49,6 @@ class Sight:
     """(N, M): each ball."""
     real: Mask
     """(N,): a real ball is in the picture."""
-    foot: Floats
-    """(N, 3): the mirror's foot point in the camera's frame, m."""
 
 
 def outer_corners(setting: Setting) -> Integers:
@@ -95,8 +94,8 @@ def look(setting: Setting, scene: Scene, mirror: MirrorPlace) -> Sight:
     )
     pixels = np.where(seen.valid[:, None], seen.pixels_px, -1e6).reshape(count, each, 2)
     behind = np.einsum("nki,ni->nk", points, normal)
-    # The reflection of x is x + 2 (d − n·x) n; the light crosses the plane where the way to it does.
-    image = points + 2.0 * (distance[:, None] - behind)[..., None] * normal[:, None]
+    # The light crosses the plane where the way to the reflection does.
+    image = reflected(points, normal[:, None], distance[:, None])
     along = np.einsum("nki,ni->nk", image, normal)
     crossing = image * (distance[:, None] / np.where(np.abs(along) > 1e-9, along, 1e-9))[..., None]
     offset = crossing - center[:, None]
@@ -115,7 +114,7 @@ def look(setting: Setting, scene: Scene, mirror: MirrorPlace) -> Sight:
     facing = np.einsum("ni,ni->n", scene.board_normal, normal) > STEEPEST_COS
     square = camera.fx_px * setting.board.square_m / np.maximum(path[:, :corners].max(axis=1), 1e-9)
     board = good[:, :corners].all(axis=1) & facing & (square > LEAST_SQUARE_PX)
-    return Sight(board, good[:, corners:], _real(setting, scene), foot)
+    return Sight(board, good[:, corners:], _real(setting, scene))
 
 
 def _real(setting: Setting, scene: Scene) -> Mask:

@@ -11,7 +11,7 @@ import numpy as np
 from .._core import MirrorPostureError
 from ..arrays import Floats
 from ..robots.nominal import Nominal
-from .options import MirrorPlace, PlanOptions
+from .options import MirrorPlace, PlanOptions, turned_mirror
 from .setting import read_setting
 from .table import POSTURES, VIEWS, PlannedFrame, numbers_of, read_plan
 
@@ -29,19 +29,9 @@ def mirrors_before(
     ]
     aim = 0.5 * (camera + board)
     center = aim + (float((board - aim) @ setting.forward) + distance_m) * setting.forward
-    turn = setting.base_from_root[:3, :3].T
-    across = np.cross(setting.up, setting.forward)
-    found = []
-    for yaw in yaws_rad:
-        normal = math.cos(yaw) * setting.forward + math.sin(yaw) * across
-        up = setting.up - (setting.up @ normal) * normal
-        found.append(
-            MirrorPlace(
-                turn @ (center - setting.base_from_root[:3, 3]), turn @ normal, turn @ up / np.linalg.norm(up),
-                *options.mirror_size_m, yaw,
-            )
-        )  # fmt: skip
-    return found
+    return [
+        setting.in_root(turned_mirror(options, center, setting.forward, setting.up, yaw)) for yaw in yaws_rad
+    ]
 
 
 def planned_mirrors(folder: Path, nominal: Nominal) -> list[tuple[PlannedFrame, Floats, Floats]]:

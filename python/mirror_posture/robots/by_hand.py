@@ -17,13 +17,13 @@ import numpy as np
 import numpy.typing as npt
 
 from .._core import MirrorPostureError
+from ..input_files import PICTURE_SUFFIXES
 from ..viewpoint import View
 from .base import RobotBase
 from .errors import LostRobotError, NoLookError
 from .nominal import Nominal
 from .protocol import JointLimits, Look, Positions
 
-PICTURE_SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".webp", ".pgm", ".ppm")
 LEAST_CHANGE_RAD = 1e-6
 """Joints that change less are not printed: no servo is that fine."""
 BROKEN_AFTER_S = 5.0

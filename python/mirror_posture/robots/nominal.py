@@ -98,7 +98,19 @@ class Nominal:
             measured=np.array([[look.measured[name] for name in measured] for look in looks]),
             time_s=np.array([look.time_s for look in looks]),
         )
-        metadata = self.metadata
+        return self.with_frames(
+            frames, self._views(looks), detected=all(look.points is not None for look in looks)
+        )
+
+    def with_frames(
+        self, frames: Frames, mirror_view: Views | None = None, *, detected: bool = False
+    ) -> Session:
+        """The session of these frames; by default nothing is detected yet."""
+        metadata, empty = (
+            self.metadata,
+            Views.empty(len(frames), self.corner_count, len(self.metadata.markers)),
+        )
+        camera_tolerance_m, camera_tolerance_rad = metadata.camera_tolerance
         return Session(
             folder=self.folder,
             robot_file=self.robot_file,
@@ -107,14 +119,16 @@ class Nominal:
             gravity_m_per_s2=metadata.gravity_m_per_s2,
             frames=frames,
             markers=metadata.markers,
-            mirror_view=self._views(looks),
-            direct_view=Views.empty(len(looks), self.corner_count, len(metadata.markers)),
+            mirror_view=mirror_view or empty,
+            direct_view=replace(empty),
             camera=self.camera,
             camera_link=metadata.camera_link,
             board=metadata.board,
             mirror=metadata.mirror,
             noise=metadata.noise,
-            detected=all(look.points is not None for look in looks),
+            camera_tolerance_m=camera_tolerance_m,
+            camera_tolerance_rad=camera_tolerance_rad,
+            detected=detected,
             metadata=metadata.raw,
         )
 

@@ -13,6 +13,7 @@ from typing import Any
 from .._core import MirrorPostureError
 from ..formats import Section
 from ..formats.check import problems
+from ..formats.keys import finite
 from ..formats.servo_keys import BUS, COUNTS_PER_TURN, SERVO, Make
 from ..input_files import given_text, parse_toml
 from .nominal import Nominal
@@ -200,6 +201,7 @@ def _table(raw: Mapping[str, Any], key: str, file: Path) -> dict[str, Any]:
 
 
 def _number(value: object, file: Path, place: str) -> float:
-    if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
+    number = finite(value)
+    if number is None:
         raise MirrorPostureError(f"{file}: {place}: got {value!r}, needed a finite number")
-    return float(value)
+    return number

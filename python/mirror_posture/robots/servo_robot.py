@@ -102,10 +102,6 @@ class ServoRobot(RobotBase):
         """Model and firmware of each joint's servo."""
         return {joint: self._drive.identities[s.servo_id] for joint, s in self._servos.items()}
 
-    def torque_is_on(self) -> bool:
-        """Whether the robot holds itself, as far as is known here."""
-        return self._machine.now.torque is Torque.HELD
-
     # From opening to torque.
 
     def _power(self) -> None:

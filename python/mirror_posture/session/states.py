@@ -8,6 +8,7 @@ import numpy as np
 import pyarrow as pa
 
 from .errors import SessionError, choices
+from .frames import MEASURED
 from .tables import Table
 
 if TYPE_CHECKING:
@@ -15,7 +16,6 @@ if TYPE_CHECKING:
     from .types import States
 
 TIME = "time_s"
-MEASURED = "measured:"
 
 
 def read_states(table: Table, robot: Robot) -> States:

@@ -95,9 +95,24 @@ class Views(ShortRepr):
         )
 
     @property
+    def claimed_board_px(self) -> float | None:
+        """The median of the corners' standard deviations; None where the detector gave none."""
+        return _claimed_px(self.board_std_px)
+
+    @property
+    def claimed_marker_px(self) -> float | None:
+        """The same of the markers'."""
+        return _claimed_px(self.marker_std_px)
+
+    @property
     def any_seen(self) -> bool:
         """Whether there is a point at all."""
         return bool(self.board_seen.any() or self.marker_seen.any())
+
+
+def _claimed_px(std_px: Floats | None) -> float | None:
+    given = np.zeros(0) if std_px is None else std_px[std_px > 0.0]
+    return float(np.median(given)) if len(given) else None
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from copy import deepcopy
 from pathlib import Path
 from typing import Any, Literal
@@ -15,7 +15,18 @@ import pyarrow.csv
 import tomli_w
 
 from ..arguments import checked_arguments
-from ..formats.session_keys import FORMAT, VERSION
+from ..formats import Section
+from ..formats.session_keys import (
+    BOARD,
+    CAMERA_MOUNT,
+    FORMAT,
+    FRAMES,
+    MARKERS,
+    MIRROR,
+    NOISE,
+    POINTS,
+    VERSION,
+)  # fmt: skip
 from ..marker import Marker
 from ..mirror import Mirror
 from ..output_files import new_file, new_folder
@@ -162,14 +173,13 @@ def metadata_tree(session: Session) -> dict[str, Any]:
         {"vector": gravity, "unit": "m/s^2"} if isinstance(raw.get("gravity"), dict) else gravity
     )
 
-    def put(key: str, values: dict[str, Any] | None) -> None:
+    def put(section: Section, values: dict[str, Any] | None) -> None:
         """A section with the session's values; None removes it."""
-        if values is not None:
-            kept = raw.get(key, {})
-            tree[key] = {**kept, **{name: value for name, value in values.items() if value is not None}}
+        if values is not None and (told := _with_values(section, raw.get(section.name, {}), values)):
+            tree[section.name] = told
 
     put(
-        "camera_mount",
+        CAMERA_MOUNT,
         None
         if session.camera_link is None
         else {
@@ -180,7 +190,7 @@ def metadata_tree(session: Session) -> dict[str, Any]:
     )
     board = session.board
     put(
-        "board",
+        BOARD,
         None
         if board is None
         else {
@@ -196,17 +206,23 @@ def metadata_tree(session: Session) -> dict[str, Any]:
     )
     if session.markers:
         raw_markers = {entry.get("name"): entry for entry in raw.get("markers", [])}
-        tree["markers"] = [raw_markers.get(m.name, {}) | _marker_tree(m) for m in session.markers]
+        tree["markers"] = [_marker_tree(m, raw_markers.get(m.name, {})) for m in session.markers]
     mirror = session.mirror
-    put("mirror", None if mirror is None else mirror_keys(mirror))
-    noise = {"pixel_std": session.noise.pixel_std_px, "point_std": session.noise.point_std_m}
-    put("noise", noise if "noise" in raw or any(value is not None for value in noise.values()) else None)
-    put("points", None if session.points is None else {"frame": session.points.frame_link})
+    put(MIRROR, None if mirror is None else mirror_keys(mirror))
+    put(NOISE, {"pixel_std": session.noise.pixel_std_px, "point_std": session.noise.point_std_m})
+    put(POINTS, None if session.points is None else {"frame": session.points.frame_link})
     if "frames" in raw or not session.frames.ordered:
-        put("frames", {"ordered": session.frames.ordered})
+        put(FRAMES, {"ordered": session.frames.ordered})
     known = {"camera", "camera_mount", "board", "markers", "mirror", "noise", "points", "frames"}
     tree |= {key: value for key, value in raw.items() if key not in tree and key not in known}
     return tree
+
+
+def _with_values(section: Section, raw: Mapping[str, Any], values: Mapping[str, Any]) -> dict[str, Any]:
+    """A section's original content with the session's values; a key of the format that has none is gone."""
+    known: dict[str, Any] = dict.fromkeys(key.name for key in section.keys)
+    known |= dict.fromkeys(inner.name for inner in section.sections)
+    return {name: value for name, value in {**raw, **known, **values}.items() if value is not None}
 
 
 def mirror_keys(mirror: Mirror) -> dict[str, Any]:
@@ -221,23 +237,24 @@ def mirror_keys(mirror: Mirror) -> dict[str, Any]:
     return {key: value for key, value in keys.items() if value is not None}
 
 
-def _marker_tree(marker: Marker) -> dict[str, Any]:
-    tree: dict[str, Any] = {
+def _marker_tree(marker: Marker, raw: Mapping[str, Any]) -> dict[str, Any]:
+    color = marker.color
+    values = {
         "name": marker.name,
         "link": marker.link,
         "diameter": marker.diameter_m,
         "mount": "known" if marker.mount_known else "unknown",
+        "tolerance_m": marker.tolerance_m,
+        "color": None
+        if color is None
+        else {
+            "hue": color.hue_deg,
+            "hue_tolerance": color.hue_tolerance_deg,
+            "min_saturation": color.min_saturation,
+            "min_value": color.min_value,
+        },
     }
-    if marker.tolerance_m is not None:
-        tree["tolerance_m"] = marker.tolerance_m
-    if marker.color is not None:
-        tree["color"] = {
-            "hue": marker.color.hue_deg,
-            "hue_tolerance": marker.color.hue_tolerance_deg,
-            "min_saturation": marker.color.min_saturation,
-            "min_value": marker.color.min_value,
-        }
-    return tree
+    return _with_values(MARKERS, raw, values)
 
 
 def write_session_files(session: Session, target: Path, tables: TableFormat = "csv") -> None:

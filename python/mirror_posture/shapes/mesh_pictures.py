@@ -10,21 +10,20 @@ from __future__ import annotations
 import json
 import shutil
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
-import cv2
 import mujoco
 import numpy as np
 import numpy.typing as npt
-import pyarrow as pa
-import tomli_w
 
 from .._core import MirrorPostureError
 from ..arrays import Floats
+from ..mirror import IDEAL_MIRROR
+from ..picture_files import encoded_picture
 from ..robots.nominal import Nominal
-from ..session.write import replace_folder, write_table
+from ..session.types import Frames
+from ..session.write import replace_folder, write_session_files
 from .body import flat_spec, place
 from .mujoco_picture import EDGE_SAMPLES, FINER, MirrorRenderer, dress
 from .of_links import COARSE_FOLDER, shapes_of_links
@@ -54,12 +53,11 @@ class MeshPainter:
         self,
         nominal: Nominal,
         mirror_size_m: tuple[float, float],
-        packages: Mapping[str, Path] | None = None,
         preview: bool = False,
     ) -> None:
         if any(marker.diameter_m <= 0.0 for marker in nominal.metadata.markers):
             raise MirrorPostureError(f"{nominal.folder}: a marker of diameter 0 cannot be drawn")
-        shapes, self.missing = shapes_of_links(nominal.robot_file, packages, "visual")
+        shapes, self.missing = shapes_of_links(nominal.robot_file, kind="visual")
         self._nominal, self._links = nominal, list(nominal.robot.link_names)
         spec = flat_spec(shapes, self._links)
         for number, geom in enumerate(spec.geoms):
@@ -114,7 +112,6 @@ def render_meshes_session(
     mirror_size_m: tuple[float, float],
     *,
     offsets_rad: Mapping[str, float] | None = None,
-    packages: Mapping[str, Path] | None = None,
     overwrite: bool = False,
     progress: Callable[[int, int], None] | None = None,
 ) -> list[str]:
@@ -127,39 +124,39 @@ def render_meshes_session(
     offsets = dict(offsets_rad or {})
     for name in [*offsets, *(name for frame in frames for name in frame.commanded)]:
         nominal.robot.position_index(name)
-    painter = MeshPainter(nominal, mirror_size_m, packages)
+    names = tuple(sorted({name for frame in frames for name in frame.commanded}))
+    images = tuple(f"images/{number:04d}.png" for number in range(len(frames)))
+    commanded = [[frame.commanded.get(name, 0.0) for name in names] for frame in frames]
+    session = nominal.with_frames(
+        Frames(
+            frame=np.arange(len(frames)),
+            posture=np.array([frame.posture for frame in frames]),
+            joint_names=names,
+            commanded=np.array(commanded).reshape(len(frames), len(names)),
+            image=images,
+        )
+    )
+    session = replace(session, mirror=replace(session.mirror or IDEAL_MIRROR, glass_thickness_m=0.0))
+    painter = MeshPainter(nominal, mirror_size_m)
 
     def fill(part: Path) -> None:
-        tree: dict[str, Any] = json.loads(json.dumps(dict(nominal.metadata.raw)))
-        tree["mirror"] = {**tree.get("mirror", {}), "glass_thickness": 0.0}
-        tree["robot"], tree["camera"] = "robot.urdf", "camera.yaml"
-        (part / "session.toml").write_text(tomli_w.dumps(tree), encoding="utf-8")
-        shutil.copyfile(nominal.robot_file, part / "robot.urdf")
-        shutil.copyfile(nominal.folder / str(nominal.metadata.camera), part / "camera.yaml")
         if (nominal.folder / COARSE_FOLDER).is_dir():
             shutil.copytree(nominal.folder / COARSE_FOLDER, part / COARSE_FOLDER)
         (part / "images").mkdir()
-        names = sorted({name for frame in frames for name in frame.commanded})
         told = []
         for number, frame in enumerate(frames):
             actual = {
                 name: frame.commanded.get(name, 0.0) + offsets.get(name, 0.0) for name in {*names, *offsets}
             }
             picture = painter.draw(actual, frame.center_in_root_m, frame.normal_in_root)
-            (part / "images" / f"{number:04d}.png").write_bytes(cv2.imencode(".png", picture)[1].tobytes())
+            (part / images[number]).write_bytes(encoded_picture(picture, images[number]))
             told.append({"frame": number, "joints_rad": dict(sorted(actual.items()))})
             if progress is not None:
                 progress(number + 1, len(frames))
         (part / "truth.json").write_text(
             json.dumps({"offsets_rad": offsets, "frames": told}, indent=1), encoding="utf-8"
         )
-        columns: dict[str, Any] = {
-            "frame": np.arange(len(frames)),
-            "posture": np.array([frame.posture for frame in frames]),
-            "image": pa.array([f"images/{number:04d}.png" for number in range(len(frames))], pa.string()),
-        }
-        columns |= {name: np.array([frame.commanded.get(name, 0.0) for frame in frames]) for name in names}
-        write_table(pa.table(columns), part / "frames.csv")
+        write_session_files(replace(session, folder=part), part)
 
     try:
         replace_folder(folder, fill, overwrite, nominal.folder)

@@ -13,14 +13,13 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-import numpy as np
-
 from .._core import MirrorPostureError
 from ..session.types import Session
 from .fit import LEAST_MARKER_PX, Fit, Views
 from .readings import Reading, usual_mistakes
 
 LEAST_NOISE_PX = 0.05
+USUAL_NOISE_PX = 0.2
 SUSPICIOUS_DEVIATIONS = 2.0
 """RMS of the board's residual, in deviations of the noise, above which the usual mistakes are tried. Hand-made mounts leave up to 10."""
 EXPLAINED_DEVIATIONS = 20.0
@@ -129,9 +128,4 @@ def _said(own: Fit, best: Fit, equal: list[Fit]) -> str:
 
 def _noise_px(session: Session) -> float:
     """Standard deviation of a corner, one axis: as stated, else the detector's median, else a usual one."""
-    stated = session.noise.pixel_std_px
-    if stated:
-        return stated
-    claimed = session.mirror_view.board_std_px
-    given = np.zeros(0) if claimed is None else claimed[claimed > 0.0]
-    return float(np.median(given)) if len(given) else 0.2
+    return session.noise.pixel_std_px or session.mirror_view.claimed_board_px or USUAL_NOISE_PX

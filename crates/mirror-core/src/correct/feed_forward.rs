@@ -176,6 +176,9 @@ impl FeedForward {
         self.robot.gravity_torques_batch(wanted, gravity, held, &mut torques)?;
         commands.copy_from_slice(wanted);
         way_points.copy_from_slice(wanted);
+        if count == 0 {
+            return Ok(());
+        }
         let rows = commands.chunks_exact_mut(count).zip(way_points.chunks_exact_mut(count));
         for ((command, way_point), (wanted, torque)) in
             rows.zip(wanted.chunks_exact(count).zip(torques.chunks_exact(count)))

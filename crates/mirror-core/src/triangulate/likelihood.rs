@@ -93,7 +93,7 @@ struct Reduced {
     chi_squared: f64,
     gradient: Vector3<f64>,
     information: Matrix3<f64>,
-    /// Information and gradient by the point without the shared error, and the mixed block: for the sensitivities.
+    /// Information on the point if nothing else were unknown: for the sensitivities.
     alone: Matrix3<f64>,
 }
 

@@ -97,7 +97,7 @@ def camera_eye(index: int, nominal: Nominal) -> Callable[[], Any]:
 
     Raises `MirrorPostureError` where it cannot be opened.
     """
-    from ...capture.sources import CameraSource
+    from ...capture.sources import CameraSource, drop_stale
     from ...robots import NoLookError
 
     source = CameraSource(index, nominal.camera, "--camera")
@@ -105,16 +105,12 @@ def camera_eye(index: int, nominal: Nominal) -> Callable[[], Any]:
     def eye() -> Any:
         try:
             # What the driver has buffered was taken before the robot stood still.
-            for _ in range(STALE_PICTURES):
-                source.read()
+            drop_stale(source)
             return source.read().picture
         except MirrorPostureError as error:
             raise NoLookError(str(error)) from None
 
     return eye
-
-
-STALE_PICTURES = 5
 
 
 def read_posture(file: Path) -> dict[str, float]:

@@ -63,9 +63,8 @@ def command(
         BoardOptions,
         DetectionOptions,
         DetectionSetup,
-        detect_picture,
+        detect_pictures,
         list_pictures,
-        read_picture,
     )
     from ...output_files import write_file
     from ...session.camera_info import dump_camera_info
@@ -96,17 +95,28 @@ def command(
             raise MirrorPostureError(
                 f"--source {source}: the board was not held still in it; is it {corners}?"
             )
-    found, names, refused, size = [], [], [], None
     files = list_pictures(pictures)
-    for file in output.progress(files, "detecting", len(files)):
-        height, width = read_picture(file).shape[:2]
-        if size is None:
-            size = (width, height)
-        if (width, height) != size:
+    with output.counting("detecting", len(files)) as counted_off:
+        detected = detect_pictures(
+            files,
+            DetectionSetup(board, (), None),
+            options=options,
+            progress=lambda done, _: counted_off(done),
+        )
+    readable = [each for each in detected if not each.error]
+    if not readable:
+        raise MirrorPostureError(f"{detected[0].error}; no picture of {pictures} can be read")
+    size = (readable[0].width_px, readable[0].height_px)
+    found, names, refused = [], [], []
+    for file, each in zip(files, detected, strict=True):
+        if each.error:
+            refused.append((file.name, each.error.removeprefix(f"{file}: ")))
+            continue
+        if (each.width_px, each.height_px) != size:
             raise MirrorPostureError(
-                f"{file}: is {width} x {height}, the first picture is {size[0]} x {size[1]}; one camera, one size"
+                f"{file}: is {each.width_px} x {each.height_px}, the first picture is {size[0]} x {size[1]}; one camera, one size"
             )
-        view = detect_picture(file, DetectionSetup(board, (), None), options=options).boards[0]
+        view = each.boards[0]
         if not view.ok or view.corners_px is None:
             refused.append((file.name, view.reason))
             continue
@@ -115,8 +125,6 @@ def command(
         names.append(file.name)
     for name, reason in refused:
         output.warn(f"{name}: not used ({reason})")
-    if size is None:
-        raise MirrorPostureError(f"{pictures}: holds no pictures")
     done = calibrate_camera(board, found, size)
     write_file(out, dump_camera_info(done.camera))
     camera, std = done.camera, done.std_px

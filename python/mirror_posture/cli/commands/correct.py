@@ -14,7 +14,7 @@ from ..._core import MirrorPostureError
 from ...counted import counted
 from ..output import ExitCode, JsonOption, Output
 from ..told_correction import progress_of_looks, sliding_joints, tell_outcome
-from ..values import joint_values
+from ..values import given_options, joint_values
 
 if TYPE_CHECKING:
     from ...correct import CorrectOptions, Outcome, Target
@@ -28,6 +28,7 @@ REPEATED = ("joint", "marker", "hold", "view", "turn_by", "hide")
 
 
 def command(
+    context: typer.Context,
     robot: Annotated[
         str, typer.Argument(help="twin, mujoco, by-hand, dynamixel, feetech; `own` with --robot-class.")
     ],
@@ -146,10 +147,10 @@ def command(
         if isinstance(value, Path)
         else value
         for name, value in given.items()
-        if name not in ("out", "resume", "as_json")
+        if name not in ("context", "out", "resume", "as_json")
     }
-    outcome, options = _run(output, out, settings, resume)
-    written = _pictures(output, out, outcome, options)
+    outcome, options = _run(output, out, settings, given_options(context) if resume else None)
+    written = _pictures(out, outcome, options)
     tell_outcome(output, outcome, sliding_joints(out), written)
     output.result(
         {"stop": {"sentence": outcome.stop.sentence, **asdict(outcome.stop)}, **_rest(outcome), "folder": out}
@@ -160,18 +161,26 @@ def command(
         raise typer.Exit(ExitCode.NOTHING)
 
 
-def _run(output: Output, out: Path, settings: dict[str, Any], resume: bool) -> tuple[Outcome, CorrectOptions]:
+def _run(
+    output: Output, out: Path, settings: dict[str, Any], resumed_with: set[str] | None
+) -> tuple[Outcome, CorrectOptions]:
+    """Runs a correction, or goes on with one; then `resumed_with` are the names of the options that were given."""
     from ...correct import Recorder, correct, make_target
     from ...robots import Nominal, ending_signals
     from ._robots import open_robot, read_posture
 
     recorder = None
-    if resume:
+    if resumed_with is not None:
         recorder, header = Recorder.resume(out)
         asked, settings = settings, header["settings"]
-        if asked["robot"] != settings["robot"]:
+        changed = [
+            f"{name if name == 'robot' else '--' + name.replace('_', '-')} {settings.get(name)}, not {asked[name]}"
+            for name in asked
+            if name in resumed_with and asked[name] != settings.get(name)
+        ]
+        if changed:
             raise MirrorPostureError(
-                f"--resume: {out} was begun with {settings['robot']!r}, not {asked['robot']!r}"
+                f"--resume: {out} was begun with {', and with '.join(changed)}; leave that away, or begin anew with another --out"
             )
         output.say(f"going on with {counted(len(recorder.past().looks), 'picture')} in {out}")
         posture = {str(name): float(value) for name, value in header["posture"].items()}
@@ -298,7 +307,7 @@ def build_options(settings: Mapping[str, Any]) -> CorrectOptions:
     )
 
 
-def _pictures(output: Output, out: Path, outcome: Outcome, options: CorrectOptions) -> list[Path]:
+def _pictures(out: Path, outcome: Outcome, options: CorrectOptions) -> list[Path]:
     from ...correct.figures import plot_convergence, write_before_and_after
 
     written = [out / "outcome.json"]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -94,6 +95,7 @@ def command(
     from ...diagnosis.run import DiagnosisInterrupted
     from ...session.motion import is_moving
 
+    targets = _targets(sessions, out)
     others = [
         load_detected(output, folder, points_suffice=True)
         for folder in (check or () if scheduler is None else ())
@@ -119,16 +121,13 @@ def command(
             "--rerun: got several sessions or a fleet, needed one session, diagnosed here"
         )
     documents: list[Mapping[str, Any]] = []
-    for folder in sessions:
+    for folder, target in zip(sessions, targets, strict=True):
         try:
             loaded = load_detected(output, folder, points_suffice=True)
         except SessionError as error:
             if len(sessions) == 1:
                 raise
             raise MirrorPostureError(f"{folder}: {error}") from error
-        target = out
-        if out is not None and len(sessions) > 1:
-            target = out / (folder.name or folder.resolve().name)
         if afar is None and is_moving(loaded):
             documents.append(_in_motion(output, loaded, folder, model, others, most_causes, target))
             continue
@@ -170,6 +169,23 @@ def command(
         documents.append(found.document)
     if as_json:
         output.result(documents[0] if len(documents) == 1 else documents)
+
+
+def _targets(sessions: list[Path], out: Path | None) -> list[Path | None]:
+    """Where each session's results are written: of several each into a folder of its own."""
+    if out is None or len(sessions) == 1:
+        return [out] * len(sessions)
+    targets: dict[Path, Path] = {}
+    for folder in sessions:
+        # Not `Path.name`, which of `.` and `..` is no name; a link keeps its own.
+        target = out / os.path.basename(os.path.abspath(folder))
+        other = targets.setdefault(target, folder)
+        if other is not folder:
+            raise MirrorPostureError(
+                f"--out: got {other} and {folder}, whose results would both be in {target}; "
+                "needed folders of different names: diagnose them one by one, or rename one"
+            )
+    return list(targets)
 
 
 def _in_motion(

@@ -11,7 +11,7 @@ import typer
 from ..._core import MirrorPostureError
 from ...counted import counted
 from ..output import JsonOption, Output
-from ..values import joint_values
+from ..values import given_options, joint_values
 from ..values import mirror_size as wanted_size
 
 if TYPE_CHECKING:
@@ -144,9 +144,7 @@ def command(
 
 def _refuse_unused(context: typer.Context, meshes: bool, planned: bool) -> None:
     """Raises `MirrorPostureError` for options that were given and would change nothing."""
-    sources = {name: context.get_parameter_source(name) for name in context.params}
-    # By name: some releases of typer have click's classes twice.
-    given = {name for name, source in sources.items() if source is not None and source.name == "COMMANDLINE"}
+    given = given_options(context)
     for names, unused, why in (
         (WITH_MESHES, not meshes, "without --meshes it changes nothing; add --meshes, or leave it out"),
         (TRACED, meshes, "is of pictures without --meshes; leave it out, or leave out --meshes"),
@@ -189,9 +187,7 @@ def _with_meshes(
     offset: list[str],
     overwrite: bool,
 ) -> None:
-    import cv2
-
-    from ...output_files import write_file
+    from ...picture_files import write_picture
     from ...plan import PlanOptions
     from ...plan.again import read_options
     from ...plan.simple import mirrors_before, planned_mirrors
@@ -226,7 +222,7 @@ def _with_meshes(
         actual = {n: first.commanded.get(n, 0.0) + offsets.get(n, 0.0) for n in {*first.commanded, *offsets}}
         picture = painter.draw(actual, first.center_in_root_m, first.normal_in_root)
         painter.close()
-        write_file(folder, cv2.imencode(".png", picture)[1].tobytes())
+        write_picture(folder, picture)
         missing = painter.missing
         output.say(f"written: {folder}")
         output.result({"picture": folder, "meshes_not_drawn": missing})

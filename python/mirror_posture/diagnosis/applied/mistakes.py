@@ -38,9 +38,10 @@ def undo_mistake(session: Session, urdf: Urdf, cause: Cause) -> tuple[Session, s
             f"columns {first} and {second} exchanged; if it is the cables, exchange them instead",
         )
     if cause.effect == "joint_unit":
-        turning = set(session.frames.joint_names) if cause.at == "robot" else {name}
-        better = _scaled(session, turning, value["factor"])
-        what = "all columns" if cause.at == "robot" else f"column {name}"
+        # Degrees in place of radians leave lengths as they are.
+        turning = {joint.name for joint in session.robot.joints if joint.kind != "prismatic"}
+        better = _scaled(session, turning if cause.at == "robot" else {name}, value["factor"])
+        what = "columns of all joints that turn" if cause.at == "robot" else f"column {name}"
         return better, FRAMES, f"{what} multiplied by {value['factor']:.9g}"
     if cause.effect == "camera_resolution" and session.camera is not None:
         camera, factor = session.camera, value["factor"]

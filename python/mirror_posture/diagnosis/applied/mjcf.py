@@ -10,6 +10,7 @@ from xml.etree import ElementTree
 import numpy as np
 
 from ..._core import MirrorPostureError
+from ...rotations import tilt_directions
 from ...session import Session
 from ..parts import Cause
 from ..vocabulary import IN_WORDS, joint_terms
@@ -75,7 +76,7 @@ def _add(mujoco: Any, spec: Any, session: Session, cause: Cause, stiffness: dict
     if cause.at.startswith("link:"):
         body, joint = spec.body(name), session.robot.joints[session.robot.link_index(name) - 1]
         compliance = value["compliance_rad_per_nm"]
-        for index, axis in enumerate(_across(joint.axis)):
+        for index, axis in enumerate(tilt_directions(joint.axis)):
             _in_series(mujoco, body, f"{name}_bend_{index + 1}", axis, 1.0 / compliance)
         return f"hinges {name}_bend_1 and {name}_bend_2 with a stiffness of {1.0 / compliance:.4g} N m/rad"
     child = next(j.child_link for j in session.robot.joints if j.name == name)
@@ -113,14 +114,6 @@ def _in_series(
         stiffness=stiffness,
         damping=PLAY_DAMPING * stiffness if damping is None else damping,
     )
-
-
-def _across(axis: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Two unit vectors across an axis."""
-    e = np.eye(3)[int(np.argmin(np.abs(axis)))]
-    u = np.cross(axis, e)
-    u /= np.linalg.norm(u)
-    return u, np.cross(axis, u)
 
 
 def _servo_stiffness(session: Session) -> dict[str, float]:

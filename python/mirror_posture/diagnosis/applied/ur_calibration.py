@@ -10,6 +10,7 @@ import numpy as np
 import yaml
 
 from ..._core import MirrorPostureError
+from ...formats.keys import finite
 from ...input_files import given_text, parse_yaml
 from ...output_files import write_file
 from ...rotations import nearest_rpy, rotation_of_rpy
@@ -58,9 +59,7 @@ def patch_ur_calibration(own: Path, before: Urdf, after: Urdf, out: Path) -> tup
                 f"{own}: the session's robot has no joint {suffix}; is it a Universal Robots arm?"
             )
         values = [sections[section].get(key) if isinstance(sections[section], dict) else None for key in KEYS]
-        if not all(
-            isinstance(v, (int, float)) and not isinstance(v, bool) and np.isfinite(v) for v in values
-        ):
+        if any(finite(value) is None for value in values):
             raise MirrorPostureError(f"{own}, {section}: needed numbers {', '.join(KEYS)}")
         numbers = np.array(values, dtype=float)
         pose = before.origin(name)

@@ -10,6 +10,7 @@ use crate::diagnose::effects::hypothesis::{Catalogue, Model};
 use crate::diagnose::likelihood::fit::{Fit, FitOptions, Group, fit};
 use crate::diagnose::model::elementary::{Atom, Column, Weight};
 use crate::diagnose::model::problem::{Noise, Problem};
+use crate::diagnose::model::solver::SOLVER;
 use crate::diagnose::principles::{Guard, LEAST_LOG_ODDS, LOG_PRIOR_STRUCTURE, TEMPER};
 use crate::diagnose::random_effects::free_form::TYPICAL_RAD;
 use crate::error::Result;
@@ -60,7 +61,7 @@ pub(super) fn is_other_ground(
     group: &Group,
     (without, noise): (&Fit, Noise),
 ) -> Result<bool> {
-    let options = FitOptions { noise, steps: 6 };
+    let options = FitOptions { noise, steps: SOLVER.loose_steps };
     let with = fit(with, catalogue, group, &with_ground(&without.model, with), options, None)?;
     let gain = with.log_evidence - without.log_evidence;
     Ok(TEMPER * gain + LOG_PRIOR_STRUCTURE > LEAST_LOG_ODDS)

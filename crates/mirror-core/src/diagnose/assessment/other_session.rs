@@ -12,6 +12,7 @@ use crate::diagnose::likelihood::noise;
 use crate::diagnose::likelihood::saturated::free_markers;
 use crate::diagnose::model::elementary::{Column, Weight};
 use crate::diagnose::model::problem::{Noise, Problem};
+use crate::diagnose::model::solver::SOLVER;
 use crate::diagnose::prepare::options::OtherSession;
 use crate::diagnose::prepare::prepared::Prepared;
 use crate::diagnose::principles::A_GAP;
@@ -88,7 +89,7 @@ fn predicted(problem: &Problem, catalogue: &Catalogue, model: &Model, group: &Gr
         let deformation = model.deformation(&problem, catalogue, &group.columns);
         problem.scene.update_loads(&deformation);
         let noise = noise::effective(&problem, &deformation, problem.noise, None)?;
-        let options = FitOptions { noise, steps: 6 };
+        let options = FitOptions { noise, steps: SOLVER.loose_steps };
         Ok((fit(&problem, catalogue, group, model, options, None)?, noise))
     };
     let (once, _) = fitted(model)?;

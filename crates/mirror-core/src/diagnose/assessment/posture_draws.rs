@@ -14,6 +14,7 @@ use crate::diagnose::principles::{Grid, Size};
 use crate::error::Result;
 use crate::random::Random;
 use crate::robot::Robot;
+use crate::statistics::median;
 use nalgebra::{Point3, Vector3};
 
 /// Postures that are drawn.
@@ -28,13 +29,13 @@ const NEARBY: Grid = 0.3;
 const MIRRORS: Size = 24;
 /// Margin of the picture, px.
 const EDGE_PX: Grid = 8.0;
-/// A further posture differs from each visited one by so much in at least one joint: 10°; of a prismatic joint, this share of its range.
+/// A further posture differs from each visited one by so much in at least one joint: 10°; of a prismatic joint, [`MARGIN`] of its range.
 const APART_RAD: Grid = 0.174_533;
 
-/// What a posture shows.
+/// Postures that a next session could visit.
 #[derive(Debug, Clone)]
 pub(crate) struct Draws {
-    /// The postures, before visibility is computed, in order.
+    /// The postures that a mirror of the session shows, in the order in which they were drawn.
     pub recording: Recording,
     /// Which markers the best mirror shows, by posture.
     pub shown: Vec<Vec<bool>>,
@@ -54,7 +55,7 @@ fn ranges(robot: &Robot, scene: &Scene, recording: &Recording) -> Vec<Option<(f6
         .map(|k| {
             let nodes = scene.body.nodes.iter().enumerate().filter(|(_, node)| node.command.0 == k);
             let mut moving = nodes.filter(|(n, _)| scene.relevant[*n]).map(|(n, _)| n).peekable();
-            moving.peek()?;
+            let prismatic = scene.body.nodes[*moving.peek()?].prismatic;
             let (low, high) = visited(k);
             let moved = moving.any(|n| scene.moves(n));
             match robot.joints()[robot.position_joints()[k]].limits {
@@ -63,7 +64,10 @@ fn ranges(robot: &Robot, scene: &Scene, recording: &Recording) -> Vec<Option<(f6
                     // Recorded positions can be reached, whatever the limits say.
                     Some(((limits.lower + margin).min(low), (limits.upper - margin).max(high)))
                 }
-                _ => moved.then_some((low - 2.0 * APART_RAD, high + 2.0 * APART_RAD)),
+                _ => {
+                    let beyond = 2.0 * if prismatic { MARGIN * (high - low) } else { APART_RAD };
+                    moved.then_some((low - beyond, high + beyond))
+                }
             }
         })
         .collect()
@@ -80,11 +84,7 @@ impl Draws {
         let mut random = Random::new(0x9E37_79B9_7F4A_7C15);
         let mut unit = || random.unit();
         let held: Vec<f64> = (0..ranges.len())
-            .map(|k| {
-                let mut visited: Vec<f64> = recording.frames.iter().map(|f| f.commanded[k]).collect();
-                visited.sort_by(f64::total_cmp);
-                visited.get(visited.len() / 2).copied().unwrap_or(0.0)
-            })
+            .map(|k| median(recording.frames.iter().map(|f| f.commanded[k]).collect()))
             .collect();
         let mut out = recording.clone();
         out.ordered = true;

@@ -18,6 +18,7 @@ use crate::diagnose::effects::hypothesis::{Model, Term};
 use crate::diagnose::likelihood::fit::FitOptions;
 use crate::diagnose::likelihood::probability::tempered;
 use crate::diagnose::likelihood::score_test::Score;
+use crate::diagnose::model::solver::SOLVER;
 use crate::diagnose::principles::{MAJORITY, TEMPER, WORTH_NAMING};
 use crate::diagnose::random_effects::geometric_tolerances::Geometry;
 use crate::diagnose::selection::alternatives::{held_out_odds, replaced};
@@ -195,7 +196,7 @@ fn taken_back(findings: &mut Findings<'_>, i: usize, share: f64, odds: f64) -> R
     let own = |group: &&Geometry| {
         group.group.columns.len() == columns && group.holds(findings.search.catalogue, hypothesis)
     };
-    let options = FitOptions { noise: found.noise, steps: 8 };
+    let options = FitOptions { noise: found.noise, steps: SOLVER.without_steps };
     let (search, spreads, without) = if let Some(group) = findings.geometry.as_ref().filter(own) {
         let AtOwnScales { search, geometry, fit } =
             AtOwnScales::fitted(&findings.search, group, &rest, options)?;

@@ -1,8 +1,8 @@
 //! Standard deviations of the causes' parameters, and how far model errors would move their values.
 //!
-//! The standard deviation of a parameter is the largest of: the fit's; the fit's with discrepancy terms of the laws;
-//! the fit's with correlated noise. Added to it is how far the last two move the value, and how far real joints are
-//! known to depart from a law without the data showing it. The noise is what the whole model leaves, where that is
+//! The standard deviation of a parameter is the largest of: the fit's; that of a fit with discrepancy terms of the laws and with
+//! correlated noise; that of a fit in which springs stiffen. Added to it is how far the last two move the value, and how far real
+//! joints are known to depart from a law without the data showing it. The noise is what the whole model leaves, where that is
 //! more than the estimate.
 //!
 //! A compliance is reported for small loads. A spring that stiffens, `δ = c τ (1 − s τ²/τ_max²)`, is softer there

@@ -58,7 +58,8 @@ pub struct Cause {
 /// One small error of a group.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Member {
-    /// The effect that it would be by itself: `joint_offset`, `axis_tilt`, `link_length` or `marker_mount`.
+    /// The effect that it would be by itself (`joint_offset`, `axis_tilt`, `link_length`, `marker_mount`, `joint_compliance`), or
+    /// `joint_origin` and `transmission_error`, which are no causes of their own.
     pub effect: String,
     /// The place.
     pub at: String,

@@ -151,7 +151,7 @@ pub struct Recording {
 }
 
 impl Recording {
-    /// Checks what the kernels rely on: finite numbers, indices in range, one observation a target.
+    /// Checks what the kernels rely on: finite numbers, positive noise and sizes, indices in range.
     ///
     /// # Errors
     /// Names the frame and what is wrong with it.
@@ -170,6 +170,7 @@ impl Recording {
             .as_ref()
             .and_then(|s| s.board.as_ref())
             .map_or(0, |b| b.corners.0.saturating_mul(b.corners.1));
+        self.check_sizes()?;
         for joint in &self.columns {
             check_index("joint of a column of the log", *joint, positions)?;
         }
@@ -204,6 +205,33 @@ impl Recording {
         }
         Ok(self)
     }
+
+    /// Noise is above 0; diameters, panes and tolerances are 0 or above.
+    fn check_sizes(&self) -> Result<()> {
+        for (what, std) in [("noise (px)", self.pixel_std_px), ("noise (m)", self.point_std_m)] {
+            std.map(|std| positive(what, std)).transpose()?;
+        }
+        if let Some(sight) = &self.sight {
+            not_negative("thickness of the pane (m)", sight.glass_thickness_m)?;
+            positive("refractive index of the pane", sight.refractive_index)?;
+        }
+        for marker in &self.markers {
+            not_negative(&format!("diameter of marker {} (m)", marker.name), marker.diameter_m)?;
+        }
+        let mounts = [&self.tolerances.board, &self.tolerances.camera];
+        for of in mounts.into_iter().chain(&self.tolerances.markers) {
+            of.shift_m.map(|std| not_negative("tolerance of a mount (m)", std)).transpose()?;
+            of.turn_rad.map(|std| not_negative("tolerance of a mount (rad)", std)).transpose()?;
+        }
+        Ok(())
+    }
+}
+
+fn not_negative(what: &str, value: f64) -> Result<f64> {
+    if finite(what, value)? >= 0.0 {
+        return Ok(value);
+    }
+    Err(Error::OutOfRange { what: what.to_owned(), got: value, needed: "0 or above".to_owned() })
 }
 
 fn check_index(what: &str, got: usize, count: usize) -> Result<()> {

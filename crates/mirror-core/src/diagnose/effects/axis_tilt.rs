@@ -1,7 +1,7 @@
 //! A tilted axis of rotation: the real axis is `unit(a + tan(tilt_1) u + tan(tilt_2) v)`.
 
 use super::about::{About, PlaceKind, WrittenTo};
-use super::{Effect, Place, joint_of, named};
+use super::{Effect, Place, named};
 use crate::diagnose::model::elementary::{Atom, Column};
 use crate::diagnose::model::scene::Scene;
 
@@ -28,7 +28,7 @@ impl Effect for AxisTilt {
     }
 
     fn columns(&self, _scene: &Scene, place: Place, _variant: f64, _parameters: &[f64]) -> Vec<Column> {
-        let axes = joint_of(place).map(|n| [0, 1].map(|k| Column::constant(Atom::Tilt(n, k))));
+        let axes = place.node().map(|n| [0, 1].map(|k| Column::constant(Atom::Tilt(n, k))));
         axes.into_iter().flatten().collect()
     }
 

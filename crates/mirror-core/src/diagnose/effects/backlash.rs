@@ -15,7 +15,7 @@
 //! and inertia-free model; the load's side by statics.
 
 use super::about::{About, PlaceKind, WrittenTo};
-use super::{Effect, LawFreedom, Place, joint_error, joint_of, named};
+use super::{Effect, LawFreedom, Place, joint_error, named};
 use crate::diagnose::model::body::NodeId;
 use crate::diagnose::model::deformation::Deformation;
 use crate::diagnose::model::elementary::{Atom, Column, Weight};
@@ -120,11 +120,11 @@ impl Effect for Backlash {
     }
 
     fn prior_std(&self, scene: &Scene, place: Place) -> Vec<f64> {
-        joint_of(place).map(|n| joint_error(scene, n, 0.05)).into_iter().collect()
+        place.node().map(|n| joint_error(scene, n, 0.05)).into_iter().collect()
     }
 
     fn variants(&self, scene: &Scene, place: Place) -> Vec<f64> {
-        let Some(n) = joint_of(place) else { return Vec::new() };
+        let Some(n) = place.node() else { return Vec::new() };
         let largest = scene.largest_torque(n);
         let loaded = largest > NEGLIGIBLE;
         match (scene.ordered, loaded) {
@@ -138,7 +138,7 @@ impl Effect for Backlash {
     }
 
     fn variant_beside(&self, scene: &Scene, place: Place, variant: f64, parameters: &[f64]) -> Option<f64> {
-        let n = joint_of(place)?;
+        let n = place.node()?;
         let positions = |variant| Self::followed(scene, n, variant, parameters[0]).0;
         let some =
             positions(variant).iter().zip(&positions(-variant)).any(|(a, b)| (a - b).abs() > NEGLIGIBLE);
@@ -146,7 +146,7 @@ impl Effect for Backlash {
     }
 
     fn columns(&self, scene: &Scene, place: Place, variant: f64, parameters: &[f64]) -> Vec<Column> {
-        let Some(n) = joint_of(place) else { return Vec::new() };
+        let Some(n) = place.node() else { return Vec::new() };
         let (_, slope) = Self::followed(scene, n, variant, parameters[0]);
         vec![Column { atom: Atom::Joint(n), weight: Weight::Frames(slope) }]
     }
@@ -159,7 +159,7 @@ impl Effect for Backlash {
         parameters: &[f64],
         deformation: &mut Deformation,
     ) {
-        let Some(n) = joint_of(place) else { return };
+        let Some(n) = place.node() else { return };
         let (position, _) = Self::followed(scene, n, variant, parameters[0]);
         if parameters[0] <= 0.0 {
             return;
@@ -179,7 +179,7 @@ impl Effect for Backlash {
 
     /// A joint that lies on one side of its play in all postures has another zero.
     fn is_like_a_simpler_one(&self, scene: &Scene, place: Place, variant: f64) -> bool {
-        joint_of(place).is_some_and(|n| {
+        place.node().is_some_and(|n| {
             let (_, slope) = Self::followed(scene, n, variant, LEAST_PLAY_RAD);
             slope.iter().all(|side| *side == slope[0])
         })

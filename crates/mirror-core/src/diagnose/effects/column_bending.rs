@@ -8,7 +8,7 @@
 
 use super::about::{About, PlaceKind, WrittenTo};
 use super::telescopes::{columns_last, largest_moment, moment_across, slackening_m};
-use super::{Effect, LawFreedom, Place, joint_of, named};
+use super::{Effect, LawFreedom, Place, named};
 use crate::diagnose::model::elementary::{Atom, Column, Weight};
 use crate::diagnose::model::scene::Scene;
 use crate::diagnose::model::solver::NEGLIGIBLE;
@@ -39,7 +39,7 @@ impl Effect for ColumnBending {
     }
 
     fn prior_std(&self, scene: &Scene, place: Place) -> Vec<f64> {
-        let Some(n) = joint_of(place) else { return Vec::new() };
+        let Some(n) = place.node() else { return Vec::new() };
         let largest = largest_moment(scene, n);
         let out = slackening_m(scene, n).into_iter().fold(NEGLIGIBLE, f64::max);
         let (fixed, grown) = (TYPICAL_RAD / largest, TYPICAL_RAD / (largest * out));
@@ -47,7 +47,7 @@ impl Effect for ColumnBending {
     }
 
     fn columns(&self, scene: &Scene, place: Place, _variant: f64, _parameters: &[f64]) -> Vec<Column> {
-        let Some(n) = joint_of(place) else { return Vec::new() };
+        let Some(n) = place.node() else { return Vec::new() };
         let share = slackening_m(scene, n);
         let column = |k: usize, out: bool| {
             let moments = moment_across(scene, n, k);

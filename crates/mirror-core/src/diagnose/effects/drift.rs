@@ -1,7 +1,7 @@
 //! A zero that drifts with time: `θ = q + r t`, t from the first frame.
 
 use super::about::{About, PlaceKind, WrittenTo};
-use super::{Effect, LawFreedom, Place, joint_error, joint_of, joints, named};
+use super::{Effect, LawFreedom, Place, joint_error, joints, named};
 use crate::diagnose::model::elementary::{Atom, Column, Weight};
 use crate::diagnose::model::scene::Scene;
 use crate::robot::JointTerm;
@@ -25,11 +25,11 @@ impl Effect for Drift {
     fn prior_std(&self, scene: &Scene, place: Place) -> Vec<f64> {
         let duration =
             scene.time_s.last().zip(scene.time_s.first()).map_or(1.0, |(b, a)| (b - a).abs().max(1e-9));
-        joint_of(place).map(|n| joint_error(scene, n, 0.04) / duration).into_iter().collect()
+        place.node().map(|n| joint_error(scene, n, 0.04) / duration).into_iter().collect()
     }
 
     fn columns(&self, _scene: &Scene, place: Place, _variant: f64, _parameters: &[f64]) -> Vec<Column> {
-        let Some(n) = joint_of(place) else { return Vec::new() };
+        let Some(n) = place.node() else { return Vec::new() };
         vec![Column { atom: Atom::Joint(n), weight: Weight::Time }]
     }
 

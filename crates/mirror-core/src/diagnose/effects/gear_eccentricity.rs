@@ -1,7 +1,7 @@
 //! A periodic transmission error, once a turn of the output: `θ = q + s sin q + c cos q − c`.
 
 use super::about::{About, PlaceKind, WrittenTo};
-use super::{Effect, Place, joint_error, joint_of, moving_joints, named};
+use super::{Effect, Place, joint_error, moving_joints, named};
 use crate::diagnose::model::elementary::{Atom, Column, Weight};
 use crate::diagnose::model::scene::Scene;
 use crate::robot::JointTerm;
@@ -20,16 +20,16 @@ impl Effect for GearEccentricity {
 
     /// Joints that turn: what slides has no turn of its output.
     fn places(&self, scene: &Scene) -> Vec<Place> {
-        let turns = |place: &Place| joint_of(*place).is_some_and(|n| !scene.body.nodes[n].prismatic);
+        let turns = |place: &Place| place.node().is_some_and(|n| !scene.body.nodes[n].prismatic);
         moving_joints(scene).into_iter().filter(turns).collect()
     }
 
     fn prior_std(&self, scene: &Scene, place: Place) -> Vec<f64> {
-        joint_of(place).map_or_else(Vec::new, |n| vec![joint_error(scene, n, 0.03); 2])
+        place.node().map_or_else(Vec::new, |n| vec![joint_error(scene, n, 0.03); 2])
     }
 
     fn columns(&self, _scene: &Scene, place: Place, _variant: f64, _parameters: &[f64]) -> Vec<Column> {
-        let Some(n) = joint_of(place) else { return Vec::new() };
+        let Some(n) = place.node() else { return Vec::new() };
         vec![
             Column { atom: Atom::Joint(n), weight: Weight::Sine(n) },
             Column { atom: Atom::Joint(n), weight: Weight::CosineLessOne(n) },

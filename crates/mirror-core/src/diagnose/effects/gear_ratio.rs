@@ -1,7 +1,7 @@
 //! A proportional transmission error: `θ = (1 + e) q`.
 
 use super::about::{About, PlaceKind, WrittenTo};
-use super::{Effect, Place, joint_of, moving_joints, named};
+use super::{Effect, Place, moving_joints, named};
 use crate::diagnose::model::elementary::{Atom, Column, Weight};
 use crate::diagnose::model::scene::Scene;
 use crate::robot::JointTerm;
@@ -27,7 +27,7 @@ impl Effect for GearRatio {
     }
 
     fn columns(&self, _scene: &Scene, place: Place, _variant: f64, _parameters: &[f64]) -> Vec<Column> {
-        let Some(n) = joint_of(place) else { return Vec::new() };
+        let Some(n) = place.node() else { return Vec::new() };
         vec![Column { atom: Atom::Joint(n), weight: Weight::Position(n) }]
     }
 

@@ -1,7 +1,7 @@
 //! A compliant joint: its deflection is proportional to its gravity torque, `θ = q + c τ_g`.
 
 use super::about::{About, PlaceKind, WrittenTo};
-use super::{Effect, LawFreedom, Place, joint_error, joint_of, loaded_joints, named};
+use super::{Effect, LawFreedom, Place, joint_error, loaded_joints, named};
 use crate::diagnose::model::elementary::{Atom, Column, Weight};
 use crate::diagnose::model::scene::Scene;
 use crate::robot::JointTerm;
@@ -23,12 +23,12 @@ impl Effect for JointCompliance {
     }
 
     fn prior_std(&self, scene: &Scene, place: Place) -> Vec<f64> {
-        let Some(n) = joint_of(place) else { return Vec::new() };
+        let Some(n) = place.node() else { return Vec::new() };
         vec![joint_error(scene, n, 0.04) / scene.largest_torque(n)]
     }
 
     fn columns(&self, _scene: &Scene, place: Place, _variant: f64, _parameters: &[f64]) -> Vec<Column> {
-        let Some(n) = joint_of(place) else { return Vec::new() };
+        let Some(n) = place.node() else { return Vec::new() };
         vec![Column { atom: Atom::Joint(n), weight: Weight::Torque(n) }]
     }
 

@@ -26,7 +26,7 @@ impl Effect for JointCoupling {
         for j in (0..nodes).filter(|&j| scene.is_seen(j)) {
             for k in (0..nodes).filter(|&k| k != j && scene.moves(k) && scene.body.nodes[k].follows.is_none())
             {
-                if scene.body.nodes[j].ancestors[k] || scene.body.nodes[k].ancestors[j] {
+                if scene.body.share_a_limb(j, k) {
                     places.push(Place::JointPair(j, k));
                 }
             }

@@ -1,7 +1,7 @@
 //! A wrong zero: `θ = q + a`.
 
 use super::about::{About, PlaceKind, WrittenTo};
-use super::{Effect, Place, joint_error, joint_of, joints, named};
+use super::{Effect, Place, joint_error, joints, named};
 use crate::diagnose::model::elementary::{Atom, Column, Weight};
 use crate::diagnose::model::scene::Scene;
 use crate::robot::JointTerm;
@@ -23,11 +23,11 @@ impl Effect for JointOffset {
     }
 
     fn prior_std(&self, scene: &Scene, place: Place) -> Vec<f64> {
-        joint_of(place).map(|n| joint_error(scene, n, 0.05)).into_iter().collect()
+        place.node().map(|n| joint_error(scene, n, 0.05)).into_iter().collect()
     }
 
     fn columns(&self, _scene: &Scene, place: Place, _variant: f64, _parameters: &[f64]) -> Vec<Column> {
-        let Some(n) = joint_of(place) else { return Vec::new() };
+        let Some(n) = place.node() else { return Vec::new() };
         vec![Column { atom: Atom::Joint(n), weight: Weight::One }]
     }
 

@@ -6,7 +6,7 @@
 //! ([`BeamLoad`](crate::diagnose::model::kinematics::BeamLoad)).
 
 use super::about::{About, PlaceKind, WrittenTo};
-use super::{Effect, LawFreedom, Place, joint_of, named};
+use super::{Effect, LawFreedom, Place, named};
 use crate::diagnose::model::body::NodeId;
 use crate::diagnose::model::elementary::{Atom, Column, transverse_load, transverse_moment};
 use crate::diagnose::model::scene::Scene;
@@ -52,11 +52,11 @@ impl Effect for LinkBending {
     }
 
     fn prior_std(&self, scene: &Scene, place: Place) -> Vec<f64> {
-        joint_of(place).map(|n| 0.03 / largest_moment(scene, n)).into_iter().collect()
+        place.node().map(|n| 0.03 / largest_moment(scene, n)).into_iter().collect()
     }
 
     fn variants(&self, scene: &Scene, place: Place) -> Vec<f64> {
-        match joint_of(place) {
+        match place.node() {
             Some(n) if bends_as_a_beam(scene, n) => vec![HINGE, BEAM],
             _ => vec![HINGE],
         }
@@ -68,7 +68,7 @@ impl Effect for LinkBending {
 
     fn columns(&self, _scene: &Scene, place: Place, variant: f64, _parameters: &[f64]) -> Vec<Column> {
         let atom = if variant == BEAM { Atom::Beam } else { Atom::Bend };
-        joint_of(place).map(|n| Column::constant(atom(n))).into_iter().collect()
+        place.node().map(|n| Column::constant(atom(n))).into_iter().collect()
     }
 
     fn is_positive(&self) -> bool {

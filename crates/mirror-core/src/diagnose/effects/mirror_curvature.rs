@@ -18,7 +18,7 @@ impl Effect for MirrorCurvature {
     }
 
     fn places(&self, scene: &Scene) -> Vec<Place> {
-        if scene.has_mirror { vec![Place::Mirror] } else { Vec::new() }
+        if scene.has_board { vec![Place::Mirror] } else { Vec::new() }
     }
 
     fn prior_std(&self, _scene: &Scene, _place: Place) -> Vec<f64> {

@@ -79,7 +79,7 @@ impl Place {
         }
     }
 
-    /// The node of the place in the chain, if it is of the body.
+    /// The joint of the place, or the one that moves its link; none of the base, a marker, camera, board and mirror.
     pub fn node(self) -> Option<NodeId> {
         match self {
             Self::Joint(n) | Self::JointPair(n, _) => Some(n),
@@ -100,7 +100,7 @@ pub(crate) enum LawFreedom {
     LoadAndDirection,
     /// In the moment on the link.
     Moment,
-    /// In how it grows with a column's extension, and in where the column bends.
+    /// In how it grows with a column's extension.
     Extension,
     /// In time.
     Time,
@@ -314,20 +314,12 @@ fn moving_joints(scene: &Scene) -> Vec<Place> {
     (0..scene.nodes()).filter(|&n| scene.is_seen(n) && scene.moves(n)).map(Place::Joint).collect()
 }
 
-/// The joint of a place; none of the base, a marker, camera, board and mirror.
-fn joint_of(place: Place) -> Option<NodeId> {
-    match place {
-        Place::Joint(n) | Place::JointPair(n, _) | Place::Link(Some(n)) => Some(n),
-        Place::Link(None) | Place::Marker(_) | Place::Camera | Place::Board | Place::Mirror => None,
-    }
-}
-
 /// A common size of an angular error at a joint, rad (about 3°); of a prismatic joint the same displacement at the reach, m.
 pub(crate) fn joint_error(scene: &Scene, node: NodeId, typical_rad: f64) -> f64 {
     if scene.body.nodes[node].prismatic { typical_rad * scene.reach_m.max(0.05) } else { typical_rad }
 }
 
-/// Unit of a joint's position: `rad`, as the vocabulary has it (`m` joints share the names).
+/// Names of parameters. That of a joint's position has the suffix `rad`, as in the vocabulary; sliding joints share the names.
 fn named(names: &[&str]) -> Vec<String> {
     names.iter().map(|n| (*n).to_owned()).collect()
 }

@@ -253,11 +253,11 @@ fn atom(place: Place, axis: Option<OwnAxis>) -> Option<Atom> {
 /// The place of a name, where these observations can show it.
 fn place_named(at: &str, scene: &Scene) -> Result<Place> {
     let mut valid: Vec<Place> = Vec::new();
-    for n in (0..scene.nodes()).filter(|&n| scene.relevant[n]) {
+    for n in (0..scene.nodes()).filter(|&n| scene.is_seen(n)) {
         valid.extend([Place::Joint(n), Place::Link(Some(n))]);
     }
     valid.extend((0..scene.marker_names.len()).map(Place::Marker));
-    if scene.has_board {
+    if scene.has_camera {
         valid.push(Place::Camera);
     }
     valid.iter().copied().find(|p| p.name(scene) == at).ok_or_else(|| Error::UnknownName {

@@ -9,7 +9,7 @@
 
 use super::about::{About, PlaceKind, WrittenTo};
 use super::backlash::LEAST_PLAY_RAD;
-use super::{Effect, LawFreedom, Place, joint_error, joint_of, moving_joints, named};
+use super::{Effect, LawFreedom, Place, joint_error, moving_joints, named};
 use crate::diagnose::model::body::NodeId;
 use crate::diagnose::model::deformation::Deformation;
 use crate::diagnose::model::elementary::{Atom, Column, Weight};
@@ -78,7 +78,7 @@ impl Effect for Stiction {
 
     /// The other, unless all motions are large.
     fn variant_beside(&self, scene: &Scene, place: Place, variant: f64, parameters: &[f64]) -> Option<f64> {
-        let n = joint_of(place)?;
+        let n = place.node()?;
         let rests = |variant| Self::followed(scene, n, variant, parameters[0], parameters[1]);
         let other = if variant == FROM_AFAR { DIRECTLY } else { FROM_AFAR };
         let differs = |(a, b): (&Rest, &Rest)| (a.error - b.error).abs() > NEGLIGIBLE;
@@ -87,7 +87,7 @@ impl Effect for Stiction {
     }
 
     fn prior_std(&self, scene: &Scene, place: Place) -> Vec<f64> {
-        let Some(n) = joint_of(place) else { return Vec::new() };
+        let Some(n) = place.node() else { return Vec::new() };
         let droop = if self.droops {
             joint_error(scene, n, 0.006) / scene.largest_torque(n).max(NEGLIGIBLE)
         } else {
@@ -97,7 +97,7 @@ impl Effect for Stiction {
     }
 
     fn columns(&self, scene: &Scene, place: Place, variant: f64, parameters: &[f64]) -> Vec<Column> {
-        let Some(n) = joint_of(place) else { return Vec::new() };
+        let Some(n) = place.node() else { return Vec::new() };
         let rests = Self::followed(scene, n, variant, parameters[0], parameters[1]);
         let (mut by_band, mut by_droop) = (Vec::new(), Vec::new());
         for rest in rests {
@@ -118,7 +118,7 @@ impl Effect for Stiction {
         parameters: &[f64],
         deformation: &mut Deformation,
     ) {
-        let Some(n) = joint_of(place) else { return };
+        let Some(n) = place.node() else { return };
         if parameters[0] <= 0.0 && parameters[1] == 0.0 {
             return;
         }

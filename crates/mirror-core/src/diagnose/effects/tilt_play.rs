@@ -7,7 +7,7 @@
 
 use super::about::{About, PlaceKind, WrittenTo};
 use super::telescopes::{columns_last, moment_across, slackening_m};
-use super::{Effect, Place, joint_of, named};
+use super::{Effect, Place, named};
 use crate::diagnose::model::body::NodeId;
 use crate::diagnose::model::elementary::{Atom, Column, Weight};
 use crate::diagnose::model::scene::Scene;
@@ -59,21 +59,21 @@ impl Effect for TiltPlay {
     }
 
     fn prior_std(&self, scene: &Scene, place: Place) -> Vec<f64> {
-        let Some(n) = joint_of(place) else { return Vec::new() };
+        let Some(n) = place.node() else { return Vec::new() };
         let out = slackening_m(scene, n).into_iter().fold(NEGLIGIBLE, f64::max);
         vec![TYPICAL_RAD, TYPICAL_RAD / out]
     }
 
     /// Moments at which the side may change, N m.
     fn variants(&self, scene: &Scene, place: Place) -> Vec<f64> {
-        let Some(n) = joint_of(place) else { return Vec::new() };
+        let Some(n) = place.node() else { return Vec::new() };
         let moments = self.sorted_moments(scene, n);
         LEVELS.map(|share| between(&moments, (share * moments.len() as f64) as usize)).into()
     }
 
     /// Moments among those of a level's share of the frames to either side.
     fn variants_near(&self, scene: &Scene, place: Place, variant: f64) -> Vec<f64> {
-        let Some(n) = joint_of(place) else { return Vec::new() };
+        let Some(n) = place.node() else { return Vec::new() };
         let moments = self.sorted_moments(scene, n);
         let here = moments.partition_point(|m| *m <= variant);
         let step = (FINER * moments.len() as f64).max(1.0);
@@ -86,7 +86,7 @@ impl Effect for TiltPlay {
     }
 
     fn columns(&self, scene: &Scene, place: Place, variant: f64, _parameters: &[f64]) -> Vec<Column> {
-        let Some(n) = joint_of(place) else { return Vec::new() };
+        let Some(n) = place.node() else { return Vec::new() };
         let sides: Vec<f64> =
             moment_across(scene, n, self.direction).map(|m| if m > variant { 0.5 } else { -0.5 }).collect();
         let grown = sides.iter().zip(slackening_m(scene, n)).map(|(s, h)| s * h).collect();

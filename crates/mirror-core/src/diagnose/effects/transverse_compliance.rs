@@ -4,7 +4,7 @@
 
 use super::about::{About, PlaceKind, WrittenTo};
 use super::telescopes::{columns_first, largest_moment, moment_across};
-use super::{Effect, Place, joint_of, named};
+use super::{Effect, Place, named};
 use crate::diagnose::model::elementary::{Atom, Column, Weight};
 use crate::diagnose::model::scene::Scene;
 use crate::diagnose::principles::Prior;
@@ -29,12 +29,12 @@ impl Effect for TransverseCompliance {
     }
 
     fn prior_std(&self, scene: &Scene, place: Place) -> Vec<f64> {
-        let Some(n) = joint_of(place) else { return Vec::new() };
+        let Some(n) = place.node() else { return Vec::new() };
         vec![TYPICAL_RAD / largest_moment(scene, n); 2]
     }
 
     fn columns(&self, scene: &Scene, place: Place, _variant: f64, _parameters: &[f64]) -> Vec<Column> {
-        let Some(n) = joint_of(place) else { return Vec::new() };
+        let Some(n) = place.node() else { return Vec::new() };
         let column = |k| Column {
             atom: Atom::Rock(n, k),
             weight: Weight::Frames(moment_across(scene, n, k).collect()),

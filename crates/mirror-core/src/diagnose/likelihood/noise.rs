@@ -32,7 +32,7 @@ pub(crate) const SETTLED: Guard = 0.9;
 /// * Corners: residuals of each board at its best plane, minus a smooth picture of any wrong optics (the eight
 ///   columns of a homography), pooled by the median over frames.
 /// * Markers: the disagreement of the views of one posture with every marker free, pooled by the median over
-///   postures; where postures have one view only, what the session states, or the corners' noise.
+///   postures; where postures have one view only, what the session states.
 ///
 /// # Errors
 /// Invalid parameters of the camera or mirror.

@@ -20,7 +20,7 @@ pub(crate) struct Normal {
     pub h: DMatrix<f64>,
     pub g: DVector<f64>,
     pub cost: f64,
-    /// Each frame's plane, and how it moves with the columns' parameters; none where no column needs fresh boards.
+    /// Each frame's plane, and how it moves with the columns' parameters; none where the deformation needs no fresh boards.
     pub planes: Planes,
 }
 

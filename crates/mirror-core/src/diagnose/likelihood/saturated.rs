@@ -4,13 +4,12 @@
 //! posture's views. Its estimate minus the model's prediction is the gap there; what the views then still disagree
 //! on is the measurement's noise (and the optics). So noise and gap are separated without knowing any cause.
 
-use crate::diagnose::data::recording::Via;
 use crate::diagnose::likelihood::constant_columns::ConstantColumns;
 use crate::diagnose::likelihood::normal_equations::counts;
 use crate::diagnose::model::deformation::Deformation;
 use crate::diagnose::model::elementary::Atom;
 use crate::diagnose::model::frame::{FrameWork, Task};
-use crate::diagnose::model::problem::{Noise, Observation, Problem};
+use crate::diagnose::model::problem::{Noise, Problem};
 use crate::diagnose::principles::{Guard, Prior};
 use crate::error::Result;
 use nalgebra::{DMatrix, DVector, Vector3};
@@ -112,16 +111,8 @@ fn free_posture(
             continue;
         }
         sums.add(work, problem, task.deformation);
-        let marker_rows: usize = problem.frames[frame]
-            .others
-            .iter()
-            .map(|o| match o {
-                Observation::Pixel { via: Via::Mirror, .. } | Observation::Pixel { .. } => 2,
-                Observation::Point { .. } => 3,
-            })
-            .sum();
-        rows += marker_rows;
-        let first = work.row_count - marker_rows.min(work.row_count);
+        rows += work.other_rows;
+        let first = work.row_count - work.other_rows;
         let projected = &work.residual[work.row_count..];
         chi2 += work.residual[first..work.row_count].iter().map(|r| r * r).sum::<f64>()
             - projected.iter().map(|r| r * r).sum::<f64>()

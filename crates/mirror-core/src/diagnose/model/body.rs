@@ -6,7 +6,7 @@ use crate::error::Result;
 use crate::robot::{JointKind, Robot};
 use nalgebra::Vector3;
 
-/// Index of the immovable base (the URDF's root) where a node index is optional.
+/// Index of a movable node. Where it is optional, none is the immovable base (the URDF's root).
 pub(crate) type NodeId = usize;
 
 /// A movable joint together with the body (its child link and all that is fixed to it) that it moves.
@@ -206,6 +206,11 @@ impl Body {
     /// The base's link that carries the first joint: `torso_link` rather than an empty root.
     fn base_link(&self) -> &str {
         self.first_joint_parent.and_then(|l| self.link_names.get(l)).map_or("base", String::as_str)
+    }
+
+    /// Whether one of two joints carries the other: then one can act on the other through the body.
+    pub fn share_a_limb(&self, j: NodeId, k: NodeId) -> bool {
+        self.carries(j, Some(k)) || self.carries(k, Some(j))
     }
 
     /// Whether node `node` carries `site`.

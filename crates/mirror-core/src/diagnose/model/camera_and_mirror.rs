@@ -18,7 +18,7 @@ pub(crate) struct Eye {
     pub camera: Camera,
     pub mirror: MirrorOptics,
     pub camera_from_mount: Pose,
-    /// `Exp(ω)ᵀ`-related pieces of the mount's derivative.
+    /// The right Jacobian `J_r(ω)` of the mount's rotation vector: `∂(Exp(ω)ᵀ p)/∂ω = hat(Exp(ω)ᵀ p) J_r(ω)`.
     pub mount_jacobian: Matrix3<f64>,
     pub nominal_focal: Vector2<f64>,
     nominal_center: Vector2<f64>,

@@ -102,7 +102,7 @@ impl Atom {
     }
 }
 
-/// The velocity field `x ↦ ω × x + b` (world frame) of a moving part, and which part moves.
+/// The velocity field `x ↦ ω × x + b` (world frame) of a moving part.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Twist {
     pub omega: Vector3<f64>,

@@ -41,15 +41,15 @@ pub(crate) struct Scene {
     pub relevant: Vec<bool>,
     /// Nodes that carry what is seen, or who sees it, or the root: the poses of the others tell nothing.
     pub posed: Vec<bool>,
-    /// Nodes with a column in the session, or that move at all.
+    /// Lowest and highest commanded position of each node's joint, rad or m.
     pub commanded_range: Vec<(f64, f64)>,
     /// Sine and cosine of `commanded`.
     pub sine: Vec<(f64, f64)>,
     /// Direction of gravity in the frame of each marker's mount, `[frame * markers + marker]`.
     pub down: Vec<Vector3<f64>>,
     pub has_camera: bool,
+    /// Whether there is a board; a mirror is known by the board seen in it.
     pub has_board: bool,
-    pub has_mirror: bool,
     /// Largest distance between a relevant joint and a marker that it carries, at the nominal zero posture, m; where none carries one (a
     /// camera in the hand sees markers on the base) between a joint and any marker.
     pub reach_m: f64,
@@ -122,7 +122,6 @@ impl Scene {
             down: Vec::new(),
             has_camera: sight.is_some(),
             has_board: sight.is_some_and(|s| s.board.is_some()),
-            has_mirror: sight.is_some_and(|s| s.board.is_some()),
             reach_m: 0.0,
             glass_thickness_m: sight.map_or(0.0, |s| s.glass_thickness_m),
         };
@@ -218,12 +217,22 @@ impl Scene {
         self.commanded[frame * self.body.nodes.len() + node]
     }
 
-    /// Commands a frame as another one of a scene is.
+    /// Commands a frame as another one of a scene is: its posture, the motion that led there, and gravity's loads in it. The time stays.
     pub fn command_as(&mut self, frame: usize, scene: &Self, from: usize) {
         let nodes = self.nodes();
         let (own, other) = (frame * nodes..(frame + 1) * nodes, from * nodes..(from + 1) * nodes);
         self.commanded[own.clone()].copy_from_slice(&scene.commanded[other.clone()]);
-        self.sine[own].copy_from_slice(&scene.sine[other]);
+        self.sine[own.clone()].copy_from_slice(&scene.sine[other.clone()]);
+        self.direction[own.clone()].copy_from_slice(&scene.direction[other.clone()]);
+        self.torque[own.clone()].copy_from_slice(&scene.torque[other.clone()]);
+        self.moment[own.clone()].copy_from_slice(&scene.moment[other.clone()]);
+        self.beam[own].copy_from_slice(&scene.beam[other]);
+        self.base_moment[frame] = scene.base_moment[from];
+        let mounts = self.marker_names.len();
+        let (own, other) = (frame * mounts..(frame + 1) * mounts, from * mounts..(from + 1) * mounts);
+        if other.end <= scene.down.len() {
+            self.down[own].copy_from_slice(&scene.down[other]);
+        }
     }
 
     /// Sine and cosine of [`Scene::q`].

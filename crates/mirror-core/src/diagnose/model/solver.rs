@@ -46,6 +46,10 @@ pub(crate) struct Solver {
     pub final_steps: usize,
     /// Steps of a fit that only follows a change of noise or spreads.
     pub loose_steps: usize,
+    /// Steps of a model from which a cause was taken.
+    pub without_steps: usize,
+    /// Steps where little moves: between two estimates of the spreads, and of the nuisances alone.
+    pub few_steps: usize,
     /// Iterations between loads and postures: each leaves the share by which the droop changes the load.
     pub load_steps: usize,
     /// Iterations between two quantities that depend on each other: values and scales, noise and causes,
@@ -83,6 +87,8 @@ pub(crate) const SOLVER: Solver = Solver {
     candidate_steps: 4,
     final_steps: 12,
     loose_steps: 6,
+    without_steps: 8,
+    few_steps: 3,
     load_steps: 2,
     rounds: 3,
     spread_steps: 25,

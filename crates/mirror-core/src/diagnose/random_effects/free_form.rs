@@ -8,7 +8,7 @@
 //! | link | turn in the moment of gravity; shift | load; constant |
 //! | marker | shift | constant, direction of gravity, time |
 //! | base | pose in the frame of the measured points | time; load (turn only) |
-//! | camera | mount; smooth warp of the image; mount and focal length | constant; constant; time, a joint's position |
+//! | camera | mount; smooth warp of the image; mount (turn only); focal length | constant; constant; time, a joint's position; time |
 //! | board | scale and shape | constant |
 //! | mirror | glass, curvature, astigmatism | constant |
 
@@ -138,11 +138,6 @@ fn stop(from: f64, path: &[f64], reach: f64) -> Vec<f64> {
         .collect()
 }
 
-/// Whether two joints move a common marker (or the board): then one can act on the other through the body.
-fn share_a_limb(scene: &Scene, j: NodeId, k: NodeId) -> bool {
-    scene.body.carries(j, Some(k)) || scene.body.carries(k, Some(j))
-}
-
 impl FreeForm {
     pub(super) fn new(what: What, on: On, scene: &Scene) -> Self {
         Self { what, on, words: on.words(scene) }
@@ -263,8 +258,8 @@ impl Effect for FreeForm {
                     On::Position => scene.moves(n),
                     On::Direction | On::History => scene.ordered && scene.moves(n),
                     On::Load => scene.largest_torque(n) > 1e-6,
-                    On::Joint(k) => k != n && share_a_limb(scene, n, k),
-                    On::Both(k) => k != n && scene.moves(n) && share_a_limb(scene, n, k),
+                    On::Joint(k) => k != n && scene.body.share_a_limb(n, k),
+                    On::Both(k) => k != n && scene.moves(n) && scene.body.share_a_limb(n, k),
                     _ => true,
                 })
                 .map(Place::Joint)
@@ -298,7 +293,7 @@ impl Effect for FreeForm {
                 }
             }
             What::Mirror => {
-                if scene.has_mirror {
+                if scene.has_board {
                     vec![Place::Mirror]
                 } else {
                     Vec::new()

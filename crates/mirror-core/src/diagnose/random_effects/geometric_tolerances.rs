@@ -224,28 +224,28 @@ impl Geometry {
             .sum()
     }
 
-    /// Standard deviations of the scales of angles and of links' lengths. A scale estimated from n values is known
-    /// to one part in √(2 n); a value that the data determine only partly counts by the square of that share.
-    pub fn spread_stds(&self, fit: &Fit) -> [f64; 2] {
+    /// The effective number of values of each kind: each counts by the square of the share by which the data narrow it.
+    fn values_told(&self, fit: &Fit) -> [f64; KINDS] {
         let first = fit.model.nuisances.len();
         let mut told = [0.0; KINDS];
         for (k, (column, prior)) in self.group.columns.iter().zip(&self.group.prior_std).enumerate() {
             let share = 1.0 - (fit.covariance[(first + k, first + k)] / (prior * prior)).clamp(0.0, 1.0);
             told[Kind::of(column) as usize] += share * share;
         }
+        told
+    }
+
+    /// Standard deviations of the scales of angles and of links' lengths. A scale estimated from n values is known
+    /// to one part in √(2 n).
+    pub fn spread_stds(&self, fit: &Fit) -> [f64; 2] {
+        let told = self.values_told(fit);
         let std = |kind: Kind| self.spread(kind) * (2.0 * told[kind as usize]).max(1.0).sqrt().recip();
         [std(Kind::Angle), std(Kind::Length)]
     }
 
-    /// The effective number of values of the better known of the scales of angles and lengths: each counts by the
-    /// square of the share by which the data narrow it, so that the scale is known to one part in √(2 n).
+    /// The effective number of values of the better known of the scales of angles and lengths.
     pub fn told(&self, fit: &Fit) -> f64 {
-        let first = fit.model.nuisances.len();
-        let mut told = [0.0; KINDS];
-        for (k, (column, prior)) in self.group.columns.iter().zip(&self.group.prior_std).enumerate() {
-            let share = 1.0 - (fit.covariance[(first + k, first + k)] / (prior * prior)).clamp(0.0, 1.0);
-            told[Kind::of(column) as usize] += share * share;
-        }
+        let told = self.values_told(fit);
         told[Kind::Angle as usize].max(told[Kind::Length as usize])
     }
 
@@ -302,8 +302,14 @@ impl Geometry {
             let here = Linearised::at(problem, catalogue, &self.group, &best.model, options, mask)?;
             let before = self.clone();
             self.learned_from(&|prior_std| here.posterior(best.model.nuisances.len(), prior_std));
-            best =
-                fit(problem, catalogue, &self.group, &best.model, FitOptions { steps: 3, ..options }, mask)?;
+            best = fit(
+                problem,
+                catalogue,
+                &self.group,
+                &best.model,
+                FitOptions { steps: SOLVER.few_steps, ..options },
+                mask,
+            )?;
             if self.change_from(&before) < SOLVER.spreads_settled {
                 break;
             }

@@ -75,13 +75,12 @@ pub(crate) fn name_outlying(
 ) -> Option<usize> {
     let errors = Errors::of(group, catalogue, &model.group);
     let known = |h: usize| model.terms.iter().any(|t| t.hypothesis == h);
-    let hypothesis = errors.of_hypothesis.keys().copied().find(|&h| !known(h) && errors.outweighs(h))?;
-    let columns = errors.columns(hypothesis);
     // Several joints of one link may each have a separate shift there: no single cause is all of these.
-    if columns.len() != catalogue.hypotheses[hypothesis].prior_std.len() {
-        return None;
-    }
-    let parameters = columns.iter().map(|&k| core::mem::take(&mut model.group[k])).collect();
+    let is_one_cause = |h: usize| errors.columns(h).len() == catalogue.hypotheses[h].prior_std.len();
+    let outlying = |h: &usize| !known(*h) && is_one_cause(*h) && errors.outweighs(*h);
+    let hypothesis = errors.of_hypothesis.keys().copied().find(outlying)?;
+    let parameters =
+        errors.columns(hypothesis).iter().map(|&k| core::mem::take(&mut model.group[k])).collect();
     model.terms.push(Term { hypothesis, variant: 0.0, parameters, prior_scale: 1.0 });
     Some(hypothesis)
 }

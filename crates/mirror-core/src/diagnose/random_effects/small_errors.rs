@@ -77,8 +77,9 @@ impl Kind {
         !matches!(self, Self::Angle | Self::Length | Self::Spring | Self::Transmission | Self::Position)
     }
 
-    /// Upper bounds: 0.1 rad and 5 cm for joints and links; larger errors are no manufacturing tolerance. 3 mm and
-    /// 1° for mounts by hand. A few tenths of a degree for joints' zeros; a larger one is a separate error.
+    /// Upper bounds (`most`): 0.1 rad and 5 cm for joints and links; larger errors are no manufacturing tolerance. For mounts by
+    /// hand, of which 3 mm and 1° are common, 1.5 to 2 cm and 0.08 rad. 5 mrad for the zeros of joints beside a set-up; a larger one
+    /// is a separate error.
     pub fn habit(self, setup_only: bool) -> Habit {
         let nothing_known = |common: f64, least: f64, most: f64| Habit { common, worth: 0.0, least, most };
         match self {

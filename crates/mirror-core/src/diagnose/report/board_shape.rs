@@ -24,6 +24,7 @@ use crate::diagnose::model::problem::{Noise, Problem};
 use crate::diagnose::model::solver::SOLVER;
 use crate::diagnose::principles::{A_GAP, FAR_DEVIATIONS, Guard, SURE_DEVIATIONS};
 use crate::diagnose::report::fields::{Over, field};
+use crate::diagnose::selection::nonparametric::BY_ITSELF;
 use crate::error::Result;
 use crate::statistics::{CHI_SQUARED_MEDIANS, median};
 use nalgebra::{Matrix2x3, Matrix3, Vector2, Vector3};
@@ -184,7 +185,7 @@ fn pictures(problem: &Problem, deformation: &Deformation, noise: Noise) -> Resul
 
 /// Says so: a session with such a board is neither without a fault nor explained.
 pub(crate) fn tell(diagnosis: &mut Diagnosis, not_flat: NotFlat) {
-    let depends_on = if not_flat.field.is_some() { "nothing" } else { "posture, each by itself" };
+    let depends_on = if not_flat.field.is_some() { "nothing" } else { BY_ITSELF };
     match diagnosis.verdict {
         Verdict::None => {
             diagnosis.verdict = Verdict::Unknown;

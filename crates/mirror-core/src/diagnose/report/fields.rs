@@ -3,8 +3,8 @@
 //! In each frame the mirror's plane is fitted to what the frame shows, and the residuals are averaged. Over the
 //! image they are averaged in cells of a grid, corners and markers separately: a wrong lens moves what is seen at a
 //! place of the picture; a wrong mirror mainly moves the markers, because its plane is fitted to the corners. Over
-//! the board they are given as the displacement of each corner, `d = (Σ JᵀJ)⁻¹ Σ Jᵀ r` with J the pixel's derivative
-//! by the corner in the board's frame: a wrong board moves its corners. What a shift of the mirror can absorb is in
+//! the board they are given as the displacement of each corner, `d = (Σ JᵀJ + 1/s²)⁻¹ Σ Jᵀ r` with J the pixel's derivative
+//! by the corner in the board's frame and s the usual size of a free displacement: a wrong board moves its corners. What a shift of the mirror can absorb is in
 //! neither.
 
 use crate::diagnose::data::diagnosis::{Field, FieldPoint};

@@ -83,7 +83,7 @@ fn sizes(findings: &Findings<'_>, parts: &[Part], wanted: &[usize]) -> Result<Ve
                 .map(|&k| {
                     let mut some = with_first(findings, &fitted, parts, k);
                     if !some.nuisances.is_empty() {
-                        let options = FitOptions { steps: SOLVER.rounds, ..options };
+                        let options = FitOptions { steps: SOLVER.few_steps, ..options };
                         some = fit(problem, search.catalogue, &search.group, &some, options, train)?.model;
                     }
                     let deformation = some.deformation(problem, search.catalogue, &search.group.columns);

@@ -1,4 +1,4 @@
-//! Signatures of the joints: the error at each frame, free, beside what the cause or the free form predicts.
+//! Signatures of the joints: the error in each posture, free, beside what the cause or the free form predicts.
 
 use crate::diagnose::assessment::findings::Findings;
 use crate::diagnose::data::diagnosis::{Cause, Signature, SignaturePoint};

@@ -8,13 +8,13 @@
 //! | reason for doubt in the first | the second diagnosis | it is accepted if it |
 //! | --- | --- | --- |
 //! | a column is not used, or a joint has another zero from a row on: neither is a named cause | assumes neither | explains everything, without a mistake of a column, or slips in place of the zero, and predicts held-out regions not clearly worse than the other zero does. It may give reason for doubt itself |
-//! | a ratio is named twice at one joint, or does not differ from the model's; a picture of another size together with a focal length that cancels it; a slip by fewer than twelve deviations; slipped rows that fit their own postures once the causes are known | leaves out that mistake | explains everything, or leaves no larger gap |
+//! | a ratio is named twice at one joint, or does not differ from the model's; a picture of another size together with a focal length that cancels it; a slip by fewer than twelve deviations; slipped rows that fit their own postures once the causes are known | leaves out that mistake | explains everything, or leaves no larger gap (with the slipped rows there is more to predict: less than twice as much, where the first left something unexplained too) |
 //! | a delay is named that does not differ from none | leaves out delays | explains everything, or leaves no larger gap. It may give reason for doubt itself |
 //! | gravity is named as turned, and something is unexplained, or no cause of its own yields to a load as a spring does and moves a part of the gap | leaves out that; small errors everywhere, if they were named, are tried in place of all causes | explains everything, or leaves no larger gap |
 //! | several markers are named on other links | leaves out that | explains everything, and leaves no larger gap, or one by less than held-out regions show |
 //! | a joint's error is independent in each posture, together with a mistake of its column, a marker on another link, or slipped rows | leaves out all such mistakes | leaves less than twice as much. It is always accepted if these errors are more than half of what the column moves: the column is unrelated to the joint |
 //! | a mistake of a column leaves more than half of the gap | leaves out the same | finds that joint's error independent in each posture, and leaves less than twice as much |
-//! | a slip, or slipped rows, together with something unexplained | leaves out that | leaves clearly less on held-out regions |
+//! | a slip, or slipped rows, together with something unexplained | leaves out that | leaves no clearly larger gap on held-out regions |
 //! | something is unexplained | searches, with the causes found, for mistakes that are as small as usual errors (a slightly late log) | leaves no more, and explains everything or most of it |
 //! | a cause is far larger than such an error usually is | searches in the same way, without that cause | explains everything with no more causes |
 //! | the observations left out as false lie together | searches in the same way | explains everything and leaves out less than half of them |

@@ -38,7 +38,12 @@ pub(crate) fn standing(search: &Search<'_>, found: &Found, i: usize) -> Result<S
     let reference = if rivals.is_empty() {
         0.0
     } else {
-        search.log_posterior(&search.fit_with_slack(&found.fit.model, Some(i), found.noise, 6)?)
+        search.log_posterior(&search.fit_with_slack(
+            &found.fit.model,
+            Some(i),
+            found.noise,
+            SOLVER.loose_steps,
+        )?)
     };
     // With discrepancy terms of the laws of all causes, the one in question included.
     let loosely = |model: &Model| search.fit_with_slack(model, None, found.noise, 8);
@@ -86,7 +91,7 @@ fn rivals_at_all_noises(
     own: usize,
 ) -> Result<(Vec<Fit>, Vec<usize>)> {
     let coarse = named.effective(rest)?;
-    let own_fit = named.fit_with_slack(&found.fit.model, Some(i), coarse, 4)?;
+    let own_fit = named.fit_with_slack(&found.fit.model, Some(i), coarse, SOLVER.candidate_steps)?;
     let candidates = named.candidates(rest, coarse, RIVALS, Some((own, &own_fit)))?;
     let is_rival = |fit: &&Fit| {
         fit.model.terms.last().is_some_and(|term| {
@@ -215,11 +220,11 @@ pub(crate) fn replaced(
     by: Option<&Rival>,
 ) -> Result<(Fit, Vec<PostureGap>)> {
     let rest = search.taken_out(&found.fit.model, i, found.noise)?;
-    let rest = search.fit(&rest, found.noise, 8)?;
+    let rest = search.fit(&rest, found.noise, SOLVER.without_steps)?;
     let next = match by {
         Some(rival) => {
             let with = rest.model.with(search.catalogue, rival.hypothesis, rival.variant);
-            search.fit(&with, found.noise, 12)?
+            search.fit(&with, found.noise, SOLVER.final_steps)?
         }
         None => rest,
     };

@@ -30,6 +30,7 @@ use crate::diagnose::random_effects::geometric_tolerances::Geometry;
 use crate::diagnose::selection::nonparametric::{log_posterior_at, smaller};
 use crate::diagnose::selection::search::{Found, Search};
 use crate::error::Result;
+use rayon::prelude::*;
 
 /// Scales that are tried, rad or m, in a geometric sequence: from a tenth of an encoder's line to a column that is
 /// unrelated to its joint.
@@ -244,38 +245,41 @@ fn by_first_order(search: &Search<'_>, model: &Model, noise: Noise) -> Result<Ve
     let residuals = Task::of_residuals(problem, &deformation, eye.as_ref(), noise);
     let with_board = residuals.with_board || changes_sight(problem, &columns);
     let task = Task { gaussian: false, with_board, ..residuals };
-    let groups = postures(problem);
-    let mut sums = vec![vec![(0.0, 0.0); groups.len()]; joints.len()];
-    let (mut work, mut column) = (FrameWork::new(problem), Vec::new());
-    for (p, frames) in groups.iter().enumerate() {
-        for &frame in frames {
+    // By posture and joint: the information on the joint's error there, and its gradient.
+    let of_posture = |(work, column): &mut (FrameWork, Vec<f64>), frames: &Vec<usize>| {
+        let mut sums = vec![(0.0, 0.0); joints.len()];
+        for &frame in frames.iter().filter(|&&f| counts(search.mask, f)) {
             if !work.evaluate(problem, &task, frame) {
                 continue;
             }
             column.resize(work.row_count + PROJECTED, 0.0);
             for (sums, &n) in sums.iter_mut().zip(&joints) {
-                if work.column(problem, &deformation, Atom::Joint(n), &mut column) {
-                    sums[p].0 += inner(&column, &column);
-                    sums[p].1 += inner(&column, &work.residual);
+                if work.column(problem, &deformation, Atom::Joint(n), column) {
+                    sums.0 += inner(column, column);
+                    sums.1 += inner(column, &work.residual);
                 }
             }
         }
-    }
+        sums
+    };
+    let own_work = || (FrameWork::new(problem), Vec::new());
+    let by_posture: Vec<Vec<(f64, f64)>> =
+        postures(problem).par_iter().map_init(own_work, |work, frames| of_posture(work, frames)).collect();
     problem.cancel.check()?;
     let (least, factor, count) = SPREADS;
     let spreads = (0..count).map(|k| least * factor.powi(k as i32));
-    let log_bayes = |sums: &[(f64, f64)], s: f64| -> f64 {
-        let of = |&(h, g): &(f64, f64)| {
+    let log_bayes = |joint: usize, s: f64| -> f64 {
+        let of = |(h, g): (f64, f64)| {
             let told = s * s * h;
             0.5 * (s * s * g * g / (1.0 + told) - told.ln_1p())
         };
-        sums.iter().map(of).sum()
+        by_posture.iter().map(|sums| of(sums[joint])).sum()
     };
-    let best_of = |(&n, sums): (&NodeId, &Vec<(f64, f64)>)| {
-        let of_spreads = spreads.clone().map(|s| (n, s, log_bayes(sums, s)));
+    let best_of = |(joint, &n): (usize, &NodeId)| {
+        let of_spreads = spreads.clone().map(|s| (n, s, log_bayes(joint, s)));
         of_spreads.max_by(|a, b| a.2.total_cmp(&b.2))
     };
-    let mut all: Vec<(NodeId, f64, f64)> = joints.iter().zip(&sums).filter_map(best_of).collect();
+    let mut all: Vec<(NodeId, f64, f64)> = joints.iter().enumerate().filter_map(best_of).collect();
     all.sort_by(|a, b| b.2.total_cmp(&a.2));
     Ok(all)
 }

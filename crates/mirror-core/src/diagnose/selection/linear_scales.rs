@@ -112,8 +112,8 @@ impl LinearSearch {
     }
 
     /// The normal equations with the scales of small errors everywhere that the data have with some causes.
-    /// Scales that were estimated with the causes found would leave no room for what these causes explain. They are learned step by step,
-    /// `from` others or those of the model. None where numbers overflow.
+    /// Scales that were estimated with the causes found would leave no room for what these causes explain. The iteration
+    /// begins at the scales `from`, or at those of the model. None where numbers overflow.
     pub(super) fn with_spreads(
         &self,
         whole: &Equations,

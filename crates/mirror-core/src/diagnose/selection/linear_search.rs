@@ -53,7 +53,7 @@ pub(crate) struct LinearSearch {
     pub(super) parts: Vec<Equations>,
     /// Parameters that are always free.
     pub always: Vec<usize>,
-    /// The causes that were found first, so many.
+    /// The first `found` of them are the causes of the model.
     pub candidates: Vec<Candidate>,
     pub found: usize,
     pub least_log_odds: f64,

@@ -11,6 +11,7 @@
 use crate::diagnose::criteria::cross_validation::{PostureGap, gaps_in, seen_size};
 use crate::diagnose::criteria::regions::{frames_of, only, regions};
 use crate::diagnose::effects::Effect;
+use crate::diagnose::model::solver::SOLVER;
 use crate::diagnose::principles::{LEAST_HELD_OUT_GAIN, LEAST_HELD_OUT_RATIO, LEAST_LOG_ODDS, TEMPER};
 use crate::diagnose::random_effects::geometric_tolerances::Geometry;
 use crate::diagnose::selection::competing::Competing;
@@ -77,7 +78,7 @@ pub(super) fn drop_useless_beside(
     let dropped = set.len() < linear.found;
     if dropped {
         let rest = linear.model_with(search, &model, (&whole, &set));
-        found.fit = search.fit(&rest, found.noise, 6)?;
+        found.fit = search.fit(&rest, found.noise, SOLVER.loose_steps)?;
     }
     Ok(dropped)
 }

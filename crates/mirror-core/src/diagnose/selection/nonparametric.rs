@@ -16,6 +16,7 @@ use crate::diagnose::likelihood::score_test::screen;
 use crate::diagnose::model::body::NodeId;
 use crate::diagnose::model::problem::Noise;
 use crate::diagnose::model::scene::Scene;
+use crate::diagnose::model::solver::SOLVER;
 use crate::diagnose::model::work_budget::A_STAGE;
 use crate::diagnose::principles::{LOG_PRIOR_FREE, LOG_PRIOR_STRUCTURE, TEMPER, Threshold};
 use crate::diagnose::selection::candidates::{LEAST_REACH, REACH};
@@ -240,8 +241,8 @@ pub(crate) fn log_odds(one: (&Search<'_>, &Found), other: (&Search<'_>, &Found))
 /// # Errors
 /// Invalid parameters of the camera or mirror.
 pub(crate) fn log_posterior_at((search, found): (&Search<'_>, &Found), noise: Noise) -> Result<f64> {
-    let exact = search.fit(&found.fit.model, noise, 6)?;
-    let loose = search.fit_with_slack(&found.fit.model, None, noise, 6)?;
+    let exact = search.fit(&found.fit.model, noise, SOLVER.loose_steps)?;
+    let loose = search.fit_with_slack(&found.fit.model, None, noise, SOLVER.loose_steps)?;
     Ok(search.log_posterior(&exact).max(search.log_posterior(&loose)))
 }
 
@@ -326,7 +327,7 @@ pub(crate) fn retract_imitators(search: &Search<'_>, found: &mut Found) -> Resul
         found.trace.push(format!("drop {name}: it imitates a law that the vocabulary lacks"));
         rest.terms.remove(i);
     }
-    found.fit = search.fit(&rest, found.noise, 8)?;
+    found.fit = search.fit(&rest, found.noise, SOLVER.without_steps)?;
     Ok(())
 }
 

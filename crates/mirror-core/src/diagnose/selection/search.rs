@@ -216,7 +216,7 @@ impl Search<'_> {
         self.refine_variants(best, noise)
     }
 
-    /// Runs the ladder up and down until neither adding, dropping nor exchanging a cause helps.
+    /// Adds, drops and exchanges causes until none of these makes the model more probable.
     ///
     /// # Errors
     /// Invalid parameters of the camera or mirror.
@@ -389,10 +389,9 @@ impl Search<'_> {
         sums: &mut Option<ScoredModel>,
         trace: &mut Vec<String>,
     ) -> Result<Fit> {
-        if best.model.terms.len() < 2 {
-            return Ok(best);
-        }
-        for i in 0..best.model.terms.len() - 1 {
+        // The last was the best of all. What comes in the place of a cause goes to the end; the cause that moves up is tested in the next
+        // pass.
+        for i in 0..best.model.terms.len().saturating_sub(1) {
             if self.problem.budget.is_spent() {
                 break;
             }

@@ -53,7 +53,7 @@ pub(crate) fn comes_down(search: &Search<'_>, found: &mut Found, after: &mut Vec
         }
     }
     if changed {
-        found.fit = search.fit(&model, found.noise, 8)?;
+        found.fit = search.fit(&model, found.noise, SOLVER.without_steps)?;
         *after = search.held_out(&found.fit.model, found.noise)?;
     }
     Ok(())
@@ -91,7 +91,7 @@ pub(crate) fn drop_useless(
         }
         let least = least_of(&found.fit.model.terms[i]);
         let rest = search.taken_out(&found.fit.model, i, found.noise)?;
-        let without = search.fit(&rest, found.noise, 6)?;
+        let without = search.fit(&rest, found.noise, SOLVER.loose_steps)?;
         // If even the fitted postures are worse, the held-out ones need not be predicted.
         let fitted =
             in_sample(&search.problem, &search.deformation(&without.model), search.detector_noise())?;
@@ -226,7 +226,7 @@ pub(crate) fn without_names(
         i = 0;
     }
     if model.terms.len() < found.fit.model.terms.len() {
-        found.fit = search.fit(&model, found.noise, 8)?;
+        found.fit = search.fit(&model, found.noise, SOLVER.without_steps)?;
     }
     if model.group.is_empty() && model.terms.iter().all(is_free) {
         return Ok(after);

@@ -33,7 +33,7 @@ pub(crate) fn small_errors_instead(
     // What is mounted by hand was found before, and stays free.
     let mounted = extended.geometry.as_ref().is_some_and(|g| g.mounted) || !search.group.columns.is_empty();
     let mut geometry = Geometry::new(&search.problem, search.catalogue, mounted);
-    let options = FitOptions { noise: found.noise, steps: SOLVER.rounds };
+    let options = FitOptions { noise: found.noise, steps: SOLVER.few_steps };
     let fit = geometry.fit(&search.problem, search.catalogue, nominal, options, search.mask)?;
     let alone = Search { group: geometry.group.clone(), ..search.clone() };
     let with = seen_size(&alone.held_out(&fit.model, found.noise)?);

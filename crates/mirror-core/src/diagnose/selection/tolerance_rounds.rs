@@ -32,7 +32,7 @@ pub(super) fn linear_rounds(
         if round > 0 && search.problem.budget.is_spent() {
             break;
         }
-        let options = FitOptions { noise: search.effective(&start.model)?, steps: 4 };
+        let options = FitOptions { noise: search.effective(&start.model)?, steps: SOLVER.candidate_steps };
         let before = geometry.clone();
         // Scales and noise first: what the scatter of single causes hides is no choice yet.
         *start = geometry.fit(&search.problem, search.catalogue, &start.model, options, search.mask)?;
@@ -80,7 +80,7 @@ pub(super) fn one_at_a_time(
         search.group = geometry.group.clone();
         let before = geometry.clone();
         let mut found = search.run(start)?;
-        let options = FitOptions { noise: found.noise, steps: 4 };
+        let options = FitOptions { noise: found.noise, steps: SOLVER.candidate_steps };
         found.fit =
             geometry.fit(&search.problem, search.catalogue, &found.fit.model, options, search.mask)?;
         round += 1;

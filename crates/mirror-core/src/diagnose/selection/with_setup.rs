@@ -142,7 +142,7 @@ pub(crate) fn with_setup<'a>(
         let mut next = search.run(start.clone())?;
         trace.append(&mut next.trace);
         let before = setup.clone();
-        let options = FitOptions { noise: next.noise, steps: 4 };
+        let options = FitOptions { noise: next.noise, steps: SOLVER.candidate_steps };
         next.fit = setup.fit(&search.problem, search.catalogue, &next.fit.model, options, search.mask)?;
         search.group = setup.group.clone();
         let mut again = look_again_at_noise(&mut search, &next.fit.model, stated)?;

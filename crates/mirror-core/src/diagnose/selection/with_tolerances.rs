@@ -210,7 +210,7 @@ fn drop_tolerances(search: &Search<'_>, geometry: &Geometry, found: &mut Found) 
     let scene = &search.problem.scene;
     rest.terms.retain(|t| !within(t));
     if rest.terms.len() < found.fit.model.terms.len() {
-        let fit = search.fit(&rest, found.noise, 6)?;
+        let fit = search.fit(&rest, found.noise, SOLVER.loose_steps)?;
         let with = seen_size(&search.held_out(&found.fit.model, found.noise)?);
         if with < LEAST_HELD_OUT_RATIO * seen_size(&search.held_out(&fit.model, found.noise)?) {
             return Ok(());

@@ -24,7 +24,7 @@ const URDF: &str = r#"<robot name="lift">
 </robot>"#;
 
 /// Some postures; what is measured is near where the marker is, and of no meaning.
-pub(super) fn problem() -> Problem {
+pub(in crate::diagnose) fn problem() -> Problem {
     problem_of(URDF, 3)
 }
 

@@ -3,7 +3,7 @@
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
 mod adequacy;
-mod column_world;
+pub(super) mod column_world;
 mod false_together;
 #[path = "../../../../../tests/rust/gap_world/mod.rs"]
 #[allow(dead_code)]

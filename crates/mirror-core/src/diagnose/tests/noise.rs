@@ -5,6 +5,7 @@ use super::gap_world::{Plan, World};
 use crate::diagnose::data::recording::Target;
 use crate::diagnose::likelihood::noise::estimate;
 use crate::diagnose::likelihood::noise_correlation::{shared_by_views, widening_of_views};
+use crate::diagnose::likelihood::saturated::free_markers;
 use crate::diagnose::model::problem::{Noise, Problem};
 use crate::robot::Robot;
 
@@ -20,6 +21,25 @@ fn noise_is_what_no_model_could_explain_with_all_that_was_spent_counted() {
     // A homography's eight numbers of 70 a board: uncounted they make 6 % of the deviation.
     assert!((found.corner_px / NOISE_PX - 1.0).abs() < 0.03, "{}", found.corner_px);
     assert!((found.marker_px / NOISE_PX - 1.0).abs() < 0.06, "{}", found.marker_px);
+}
+
+#[test]
+fn what_the_model_does_not_predict_to_be_seen_is_no_row_of_the_markers() {
+    let world = World::new(4, true);
+    let robot = Robot::from_urdf_str(&world.urdf()).unwrap();
+    let problem = Problem::new(&robot, &world.record(&Plan { postures: 12, ..Plan::default() })).unwrap();
+    let noise = Noise { corner_px: 0.1, marker_px: 0.1, point_m: 1.0 };
+    let rows = |marker_x_m: f64| {
+        let mut deformation = problem.nominal();
+        deformation.marker_shift[0].x = marker_x_m;
+        let postures = free_markers(&problem, &deformation, noise, true, None).unwrap();
+        let freedom: f64 = postures.iter().map(|p| p.freedom_left + p.freedom_taken).sum();
+        let predicted: usize = postures.iter().map(|p| p.pixel_count).sum();
+        assert!((freedom - 2.0 * predicted as f64).abs() < 1e-9, "{freedom} rows of {predicted} points");
+        predicted
+    };
+    // Far behind the mirror in some frames, before it in others.
+    assert!(rows(30.0).min(rows(-30.0)) < rows(0.0));
 }
 
 #[test]

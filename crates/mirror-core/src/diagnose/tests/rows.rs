@@ -4,6 +4,7 @@ use super::gap_world::{Plan, World, Wrong};
 use crate::diagnose::effects::hypothesis::{Catalogue, Model};
 use crate::diagnose::effects::vocabulary;
 use crate::diagnose::model::problem::{Noise, Problem};
+use crate::diagnose::model::scene::Scene;
 use crate::diagnose::prepare::row_slip::{Slip, find, is_slipped, with_overwritten_rows};
 use crate::diagnose::selection::search::Search;
 use crate::robot::Robot;
@@ -34,6 +35,29 @@ fn rows_are_slipped_where_other_rows_fit_them_beside_the_causes_and_in_order_whe
     let found = |p: &Problem| fit.model.deformation(p, &catalogue, &[]);
     assert!(is_slipped(&problem, found, NOISE, &moved).unwrap());
     assert!(!is_slipped(&problem, found, NOISE, &in_order).unwrap());
+}
+
+#[test]
+fn a_frame_that_is_commanded_as_another_bears_its_loads_and_comes_from_its_side() {
+    let world = World::new(4, true);
+    let robot = Robot::from_urdf_str(&world.urdf()).unwrap();
+    let problem = Problem::new(&robot, &world.record(&Plan { postures: 9, ..Plan::default() })).unwrap();
+    let (scene, frame, from) = (&problem.scene, 6, 3);
+    let mut moved = scene.clone();
+    moved.command_as(frame, scene, from);
+    let mut differ = 0;
+    for n in 0..scene.nodes() {
+        let of = |scene: &Scene, f: usize| {
+            (scene.q(f, n), scene.direction(f, n), scene.torque(f, n), *scene.moment(f, n))
+        };
+        assert_eq!(of(&moved, frame), of(scene, from));
+        assert_eq!(of(&moved, from), of(scene, from));
+        differ += usize::from(scene.direction(frame, n) != scene.direction(from, n));
+    }
+    assert!(differ > 0);
+    assert_eq!(moved.base_moment[frame], scene.base_moment[from]);
+    assert_eq!(moved.down_in_mount(frame, 1), scene.down_in_mount(from, 1));
+    assert_eq!(moved.time_s, scene.time_s);
 }
 
 #[test]

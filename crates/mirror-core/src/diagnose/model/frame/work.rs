@@ -31,6 +31,8 @@ pub(crate) struct FrameWork {
     pub cost: f64,
     /// Rows in all, without the projected ones.
     pub row_count: usize,
+    /// The last of these: of predicted observations other than the mirrored corners.
+    pub other_rows: usize,
     board_gradient: Vector3<f64>,
     /// Whitened χ² of the board above that at its own best plane.
     pub board_excess: f64,
@@ -132,6 +134,7 @@ impl FrameWork {
             has_plane: false,
             cost: 0.0,
             row_count: 0,
+            other_rows: 0,
             board_gradient: Vector3::zeros(),
             board_excess: 0.0,
             board_square: (0.0, 0),
@@ -342,16 +345,18 @@ impl FrameWork {
             }
         }
         let has_rows = task.with_board && !self.condensed.used;
-        self.collect_residual(if has_rows { Vector3::zeros() } else { self.board_gradient });
+        self.collect_residual(first_other, if has_rows { Vector3::zeros() } else { self.board_gradient });
         self.condense_corners(problem, task, first_other);
         let predicted = self.row_count > 0 || self.cost > 0.0;
         self.cost += lost;
         predicted
     }
 
-    /// The residual with its projection on the plane's parameters; `gradient` is that of what has no rows.
-    fn collect_residual(&mut self, mut gradient: Vector3<f64>) {
+    /// The residual with its projection on the plane's parameters; before `first_other` are the corners, `gradient` is that of
+    /// what has no rows.
+    fn collect_residual(&mut self, first_other: usize, mut gradient: Vector3<f64>) {
         self.row_count = self.rows.iter().map(|r| r.count).sum();
+        self.other_rows = self.rows[first_other..].iter().map(|r| r.count).sum();
         self.residual.clear();
         for row in &self.rows {
             self.residual.extend_from_slice(&row.residual.as_slice()[..row.count]);
@@ -387,7 +392,8 @@ impl FrameWork {
             let g = sums.information + others;
             let Some(inverse) = g.cholesky().and_then(|c| c.l().try_inverse()) else { break };
             self.plane_inverse_factor = inverse;
-            self.collect_residual(if self.condensed.used { sums.gradient } else { Vector3::zeros() });
+            let without_rows = if self.condensed.used { sums.gradient } else { Vector3::zeros() };
+            self.collect_residual(corners, without_rows);
             let projected = self.projected_residual();
             let gain = projected.norm_squared();
             if gain < SOLVER.last_plane_gain {
@@ -462,7 +468,7 @@ impl FrameWork {
         nalgebra::DMatrix::from_fn(rows.len(), PROJECTED, |i, k| rows[i][k])
     }
 
-    /// Unweighted residual (px or m) of each observation other than the mirrored corners, in the frame's order.
+    /// Unweighted residual (px or m) of each predicted observation of a marker that has a weight, in the frame's order.
     pub fn raw_residuals(&self, with: impl FnMut(Option<usize>, bool, Vector3<f64>)) {
         let mut with = with;
         for row in &self.rows {

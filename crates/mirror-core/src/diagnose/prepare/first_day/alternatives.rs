@@ -12,6 +12,7 @@ use crate::diagnose::prepare::row_slip::LARGEST_SHIFT;
 use crate::diagnose::principles::{FEWEST_FRAMES, Grid, NEARLY_ALL, Size, Threshold, WORTH_NAMING};
 use crate::statistics::{GOLDEN_SECTION, best_run};
 use core::f64::consts::{FRAC_PI_2, PI};
+use std::collections::BTreeSet;
 
 /// Other factors that are tried, and refined: a transmission that is another one.
 const FACTORS: [f64; 10] = [0.2, 1.0 / 3.0, 0.5, 2.0 / 3.0, 0.8, 1.25, 1.5, 2.0, 3.0, 5.0];
@@ -94,7 +95,10 @@ impl<'a> Session<'a> {
             let zeros = (1 - steps..=steps).filter(|k| k.abs() > 1);
             out.extend(zeros.map(|k| Mistake::Zero { joint, offset: f64::from(k) * ZERO_STEP }));
         }
-        out.extend(UNITS.iter().map(|&factor| Mistake::AllUnits { factor }));
+        let of_turning = self.problem.scene.body.nodes.iter().filter(|node| !node.prismatic);
+        let turning: BTreeSet<usize> = of_turning.map(|node| node.command.0).collect();
+        let turning = Vec::from_iter(turning);
+        out.extend(UNITS.iter().map(|&factor| Mistake::AllUnits { turning: turning.clone(), factor }));
         out.extend(self.sides());
         out.extend(self.moved_on());
         out.extend(self.late(&moving, finely));

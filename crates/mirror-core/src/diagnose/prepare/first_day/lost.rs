@@ -31,6 +31,7 @@ use crate::diagnose::model::pose::Pose;
 use crate::diagnose::model::problem::Problem;
 use crate::diagnose::principles::{FEWEST_FRAMES, FEWEST_POSTURES, NEARLY_ALL, Prior, Size};
 use crate::error::Result;
+use crate::statistics::median;
 use core::f64::consts::{PI, TAU};
 
 /// Frames on which all joints are compared.
@@ -243,11 +244,7 @@ fn step(
     let usual = session.misfit.usual_m / session.problem.scene.reach_m.max(1e-9);
     let cost =
         |errors: &[f64], at: f64| -> f64 { errors.iter().map(|e| ((e - at) / usual).powi(2).ln_1p()).sum() };
-    let middle = |errors: &[f64]| {
-        let mut sorted = errors.to_vec();
-        sorted.sort_by(f64::total_cmp);
-        sorted[sorted.len() / 2]
-    };
+    let middle = |errors: &[f64]| median(errors.to_vec());
     let (_, first, before, offset) = (FEWEST_POSTURES..errors.len().saturating_sub(FEWEST_POSTURES))
         .map(|k| {
             let (before, after) = (middle(&errors[..k]), middle(&errors[k..]));

@@ -43,8 +43,8 @@ pub(crate) struct Memory {
     pub(super) stepped: Known<bool>,
     /// Gravity in another direction.
     pub(super) gravity: Known<Found>,
-    /// A slip and the way back: without, and with, changes of joints' zeros.
-    pub(super) slips: [Known<Changes>; 2],
+    /// A slip and the way back, by what else may be named: changes of joints' zeros, slipped rows.
+    pub(super) slips: [[Known<Changes>; 2]; 2],
     /// False observations.
     pub(super) outlying: Known<Vec<Vec<False>>>,
     budget: Option<WorkBudget>,

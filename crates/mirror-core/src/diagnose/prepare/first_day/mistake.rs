@@ -43,8 +43,8 @@ pub(crate) enum Mistake {
     ColumnsSwapped { pairs: Vec<(usize, usize)> },
     /// The column is in another unit: it must be multiplied by the factor.
     JointUnit { joint: usize, factor: f64 },
-    /// As above, of all joints that turn.
-    AllUnits { factor: f64 },
+    /// As above, of all joints that turn; the columns of joints that slide are in another unit by themselves.
+    AllUnits { turning: Vec<usize>, factor: f64 },
     /// A wrong zero too large for a small error, rad: added to the column.
     Zero { joint: usize, offset: f64 },
     /// The column contains earlier rows' positions, or by a negative number later ones; no joint means all.
@@ -107,8 +107,8 @@ impl Mistake {
                 rows.iter_mut().for_each(|row| pairs.iter().for_each(|&(a, b)| row.swap(a, b)));
             }
             Self::JointUnit { joint, factor } => rows.iter_mut().for_each(|row| row[joint] *= factor),
-            Self::AllUnits { factor } => {
-                rows.iter_mut().for_each(|row| row.iter_mut().for_each(|q| *q *= factor));
+            Self::AllUnits { ref turning, factor } => {
+                rows.iter_mut().for_each(|row| turning.iter().for_each(|&j| row[j] *= factor));
             }
             Self::ZeroLost { joint, first, offset } => {
                 rows[first..].iter_mut().for_each(|row| row[joint] += offset);

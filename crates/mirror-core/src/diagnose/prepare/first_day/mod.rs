@@ -2,18 +2,23 @@
 //!
 //! Each is a discrete alternative (effects.md, "Gross mistakes"): an axis with the wrong sign, exchanged columns or
 //! names, a column in another unit, late, or standing still, a camera file of another resolution, a mirrored
-//! picture, a rotated board, a marker on another link. In order:
+//! picture, a rotated board, a marker on another link. They are the mistakes of the first day with a robot: hence the folder's
+//! name. In order ([`undone()`]):
 //!
 //! 1. [`hung`]: rows that repeat one measurement are left out; [`optics`]: boards that no small error makes
 //!    possible, with the likeliest of other resolutions ([`resolutions`]); these mistakes are undone first;
 //! 2. [`background`]: what stands still in the picture under a marker's name is left out;
 //! 3. unless a single cause of a usual size explains everything ([`single_cause`]): [`alternatives`] of the body and of the
-//!    log, scored at the nominal model by a robust loss ([`misfit`]), singly, and on top of the best few;
-//! 4. [`verify`]: the best few against small errors of every kind at once, by marginal likelihood;
-//! 5. gravity in other directions, by the springs that its loads would need ([`loads`]);
-//! 6. slips and lost zeros during the session ([`changes`]), unless a single cause explains everything;
-//! 7. columns that no effect describes ([`lost`]);
-//! 8. the best chain is undone exactly ([`mistake`]), and the usual search continues from there.
+//!    log, scored at the nominal model by a robust loss ([`misfit`]), singly, and on top of the best few ([`chain`]); columns that
+//!    no effect describes ([`lost`]) are among them;
+//! 4. [`verify`]: the best few against small errors of every kind at once, by marginal likelihood ([`choice`]); the best chain
+//!    is undone exactly ([`mistake`]), with names that are exchanged in a cycle ([`permuted`]);
+//! 5. where something is left, a log that is late by less than a row ([`small_delay`]);
+//! 6. gravity in other directions, by the springs that its loads would need ([`loads`]);
+//! 7. slips and lost zeros during the session ([`changes`]), where something is left or a zero changes once ([`single_step`]);
+//! 8. [`outlying`]: observations that the causes known so far cannot explain are left out.
+//!
+//! The usual search continues from there.
 
 mod alternatives;
 mod apart;
@@ -237,14 +242,14 @@ fn change_point(session: &Undone, without: &[String], zeros: bool, memory: &mut 
     if without.iter().any(|w| w == "slip") {
         return Ok(None);
     }
-    memory.slips[usize::from(zeros)].remembered(&session.mistakes, || {
+    let rows = !without.iter().any(|w| w == "pairing");
+    memory.slips[usize::from(zeros)][usize::from(rows)].remembered(&session.mistakes, || {
         let problem = &session.problem;
         let postures = crate::diagnose::likelihood::saturated::postures(problem);
         let clear = changes::find(problem, &spread(&postures, FRAMES_OF_SLIPS, 1), problem.noise, zeros)?;
         // Rows that contain other rows' measurements look like a place that slipped, and came back: they are looked for later.
         let run = clear.as_ref().and_then(|(mistakes, _)| there_and_back_in(mistakes));
-        let slipped = run.filter(|_| !without.iter().any(|w| w == "pairing"));
-        if let Some(run) = slipped
+        if let Some(run) = run.filter(|_| rows)
             && row_slip::accounts_for(problem, run)?
         {
             return Ok(None);

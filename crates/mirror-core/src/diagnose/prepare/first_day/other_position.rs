@@ -13,8 +13,9 @@ use crate::diagnose::model::problem::{Noise, Observation, Problem};
 use crate::diagnose::principles::{Grid, SURE_DEVIATIONS};
 use crate::error::Result;
 
-/// Step of the positions that are tried, rad, up to half a turn both ways.
-const STEP: Grid = 0.02;
+/// Step of the positions that are tried, up to half a turn both ways; of a joint that slides up to as many steps of half a centimetre.
+const STEP_RAD: Grid = 0.02;
+const STEP_M: Grid = 0.005;
 
 /// Tries other positions of single joints beside a known deformation. All positions are tried with the mirror as the board alone
 /// shows it; the likeliest is refined with the frame evaluated exactly.
@@ -47,8 +48,8 @@ impl<'a> OtherPositions<'a> {
         Ok(Self { problem, eye, noise, misfit, work, tried: recorded, known })
     }
 
-    /// The joint that alone corrects a frame, in words. Of observations that are `beyond` it and are not all of the frame's, every one
-    /// must fit then; of a whole frame most of them.
+    /// The joint that alone corrects a frame, in words. With `beyond` (observations, by index: those that the joint carries) each of them
+    /// must fit then; without it the median of the frame's must.
     pub fn correcting(
         &mut self,
         exact: &mut FrameWork,
@@ -58,10 +59,13 @@ impl<'a> OtherPositions<'a> {
     ) -> Option<String> {
         let (problem, every) = (self.problem, beyond.is_some());
         let can_be = |node: NodeId| beyond.is_none_or(|b| moves_these(problem, node, frame, b));
+        let step_of = |node: NodeId| {
+            if problem.scene.body.nodes[node].prismatic { (STEP_M, "m") } else { (STEP_RAD, "rad") }
+        };
         let joints = seen_joints(&problem.scene.body, &problem.scene.relevant).into_iter();
         let tried = joints.filter(|(_, node)| can_be(*node)).map(|(joint, node)| {
-            let steps = (core::f64::consts::PI / STEP) as i32;
-            let positions = (-steps..=steps).map(|k| f64::from(k) * STEP);
+            let steps = (core::f64::consts::PI / STEP_RAD) as i32;
+            let positions = (-steps..=steps).map(|k| f64::from(k) * step_of(node).0);
             let distances = positions.map(|by| (self.distance_at((frame, joint, node), by, every), by));
             (distances.fold((f64::INFINITY, 0.0), |a, b| if b.0 < a.0 { b } else { a }), joint, node)
         });
@@ -80,10 +84,11 @@ impl<'a> OtherPositions<'a> {
             });
             largest_or_median(sizes, every)
         };
-        let by = least(at - STEP, at + STEP, &mut deviations_at);
+        let (step, unit) = step_of(node);
+        let by = least(at - step, at + step, &mut deviations_at);
         (deviations_at(by) < SURE_DEVIATIONS).then(|| {
             format!(
-                "{}{} were {by:+.3} from what the row says: a digit, or a sign",
+                "{}{} were {by:+.3} {unit} from what the row says: a digit, or a sign",
                 LeftOut::WOULD_FIT,
                 joint_names[joint]
             )

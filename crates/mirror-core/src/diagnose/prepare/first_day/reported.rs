@@ -9,6 +9,7 @@ use crate::diagnose::model::slips::Slipped;
 use crate::diagnose::prepare::row_slip::WHOLE_STD;
 use crate::diagnose::principles::Prior;
 use crate::robot::Robot;
+use crate::statistics::median;
 use core::f64::consts::FRAC_PI_2;
 use std::collections::BTreeMap;
 
@@ -80,7 +81,7 @@ pub(super) fn reported(
             &[("scale_error", factor - 1.0, REFINED_STD * factor)],
             "the joint turns by another ratio than the model has",
         )],
-        Mistake::AllUnits { factor } => vec![cause(
+        Mistake::AllUnits { factor, .. } => vec![cause(
             "joint_unit",
             "robot".into(),
             &[("factor", *factor, 0.0)],
@@ -236,8 +237,6 @@ fn kind(effect: &str) -> &'static str {
 
 /// Time from row to row, s; none where no time was recorded.
 pub(super) fn row_step_s(recording: &Recording) -> Option<f64> {
-    let mut steps: Vec<f64> = recording.frames.windows(2).map(|w| w[1].time_s - w[0].time_s).collect();
-    steps.sort_by(f64::total_cmp);
-    let median = steps.get(steps.len() / 2).copied()?;
-    (recording.timed && median > 0.0).then_some(median)
+    let step = median(recording.frames.windows(2).map(|w| w[1].time_s - w[0].time_s).collect());
+    (recording.timed && step > 0.0).then_some(step)
 }

@@ -17,6 +17,7 @@ use crate::diagnose::data::recording::{Recording, Target};
 use crate::diagnose::effects::vocabulary;
 use crate::diagnose::model::problem::{Noise, Problem};
 use crate::diagnose::prepare::first_result::FirstResult;
+use crate::diagnose::tests::column_world;
 use crate::diagnose::tests::gap_world::{Plan, World, Wrong};
 use crate::robot::Robot;
 use core::f64::consts::FRAC_PI_2;
@@ -475,4 +476,16 @@ fn the_best_names_are_found_through_exchanges() {
     let in_place: Vec<Vec<f64>> =
         (0..3).map(|i| (0..3).map(|j| if i == j { 0.0 } else { 1.0 }).collect()).collect();
     assert_eq!(best_names(&in_place), [0, 1, 2]);
+}
+
+#[test]
+fn another_unit_of_all_joints_that_turn_leaves_those_that_slide() {
+    let problem = column_world::problem();
+    let misfit = Misfit::new(&problem).unwrap();
+    let mut variant = Variant::at(vec![vec![0.3, 0.2, 40.0]; problem.frames.len()], &problem);
+    let all = Session::new(&problem, &misfit, &[]).of_joints(&variant, false);
+    let degrees =
+        all.iter().find(|m| matches!(m, Mistake::AllUnits { factor, .. } if *factor == 1_f64.to_radians()));
+    degrees.unwrap().on_variant(&mut variant);
+    assert_eq!(variant.positions[4], [0.3, 0.2, 40_f64.to_radians()]);
 }
