@@ -110,7 +110,8 @@ fn a_thing_in_the_background_is_no_marker_that_sits_elsewhere() {
             told.sentence,
             told.trace
         );
-        let background = told.data.left_out.iter().filter(|l| l.why.contains("background")).count();
+        let background =
+            told.data.left_out.iter().filter(|l| l.why.to_string().contains("background")).count();
         assert!(told.warnings.iter().any(|w| w.contains("stands still")), "{:?}", told.warnings);
         assert_eq!(background, put, "{:?}", told.data.left_out);
     }
@@ -130,7 +131,11 @@ fn a_marker_that_one_joint_moves_may_stand_still_with_it() {
         seen.for_each(|s| s.pixel = Vector2::new(412.3, 227.9));
     }
     let told = diagnosed(&world, &recording);
-    assert!(told.data.left_out.iter().all(|l| !l.why.contains("background")), "{:?}", told.data.left_out);
+    assert!(
+        told.data.left_out.iter().all(|l| !l.why.to_string().contains("background")),
+        "{:?}",
+        told.data.left_out
+    );
 }
 
 #[test]

@@ -307,7 +307,7 @@ fn a_camera_that_hangs_is_named_with_its_rows_and_a_posture_that_is_held_is_none
     assert_eq!(named(&diagnosis), ["pairing@data"], "{:?}", diagnosis.trace);
     assert_near(&diagnosis, "pairing", "first_frame", 40.0, 0.5);
     assert_near(&diagnosis, "pairing", "last_frame", 71.0, 0.5);
-    let why: Vec<&str> = diagnosis.data.left_out.iter().map(|l| l.why.as_str()).collect();
+    let why: Vec<String> = diagnosis.data.left_out.iter().map(|l| l.why.to_string()).collect();
     assert!(!why.is_empty() && why.iter().all(|w| w.contains("to the last digit")), "{why:?}");
     // The same picture of one posture that is held is nothing wrong.
     let mut held = world.record(&plan(63, Vec::new()));

@@ -57,10 +57,10 @@ mod tests;
 
 pub use data::checked::{Checked, Ground};
 pub use data::diagnosis::{
-    Alternative, Cause, ChosenAnew, Data, Diagnosis, Estimate, Field, FieldPoint, Gap, GapStep, LeftOut,
-    Limit, Member, Ranked, SeenMarker, Signature, SignaturePoint, Track, TrackAxis, TrackPoint, Verdict,
-    Where,
+    Alternative, Cause, ChosenAnew, Data, Diagnosis, Estimate, Field, FieldPoint, Gap, GapStep, Limit,
+    Member, Ranked, SeenMarker, Signature, SignaturePoint, Track, TrackAxis, TrackPoint, Verdict, Where,
 };
+pub use data::left_out::{Elsewhere, LeftOut, Reason};
 pub use data::progress::Progress;
 pub use data::recording::{
     BoardSpec, Frame, MarkerSpec, MeasuredPoint, PointsFrame, Recording, SightSpec, Sighting, Target,

@@ -10,7 +10,8 @@ use crate::diagnose::assessment::survivors::keep_survivors;
 use crate::diagnose::assessment::weighed::weighed;
 use crate::diagnose::assessment::zero_lost::{BesideStep, tell_step};
 use crate::diagnose::criteria::cross_validation::PostureGap;
-use crate::diagnose::data::diagnosis::{Diagnosis, LeftOut};
+use crate::diagnose::data::diagnosis::Diagnosis;
+use crate::diagnose::data::left_out::LeftOut;
 use crate::diagnose::data::recording::Recording;
 use crate::diagnose::effects::hypothesis::{Catalogue, Model};
 use crate::diagnose::likelihood::fit::Group;
@@ -26,6 +27,7 @@ use crate::diagnose::prepare::row_slip::{Slip, is_slipped};
 use crate::diagnose::random_effects::free_form::free_forms;
 use crate::diagnose::report::board_shape::{NotFlat, not_flat};
 use crate::diagnose::report::build;
+use crate::diagnose::report::missing_rows::rows_are_missing;
 use crate::diagnose::report::optics_together;
 use crate::diagnose::report::reservations::{
     background_was_taken, hangs_on_regions, noise_may_be_larger, reserve, told_together,
@@ -233,6 +235,7 @@ fn warn_of_data(
     diagnosis.warnings.extend(background_was_taken(&diagnosis.data));
     let told = together.filter(|it| it.depends_on == LeftOutTogether::TIME).map(|it| it.marker.as_str());
     diagnosis.warnings.extend(came_back(recording, &diagnosis.data, told));
+    diagnosis.warnings.extend(rows_are_missing(recording));
     diagnosis.warnings.extend(column_is_spoilt(prepared, &prepared.arranged.frame_numbers));
     diagnosis.warnings.extend(positions_are_rounded(findings)?);
     diagnosis.warnings.extend(noise_may_be_larger(findings)?);

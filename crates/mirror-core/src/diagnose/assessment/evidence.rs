@@ -1,7 +1,8 @@
 //! Which data were used, what was left out and why, and whether the rest is enough for a statement.
 
 use crate::diagnose::assessment::findings::Findings;
-use crate::diagnose::data::diagnosis::{Data, LeftOut};
+use crate::diagnose::data::diagnosis::Data;
+use crate::diagnose::data::left_out::{LeftOut, Reason};
 use crate::diagnose::data::recording::{Recording, Sighting, Target, Via};
 use crate::diagnose::model::frame::{FEWEST_CORNERS, FrameWork, Task};
 use crate::diagnose::model::problem::{Observation, Problem, Seen};
@@ -38,13 +39,13 @@ pub(crate) fn data(sources: &Sources<'_>, findings: &Findings<'_>) -> Result<Dat
         out.frames_given += 1;
         out.points_given +=
             frame.sightings.iter().filter(|s| is_marker(s.target)).count() + frame.points.len();
-        let mut tell = |target: &str, deviations: Option<f64>, why: &str| {
+        let mut tell = |target: &str, deviations: Option<f64>, why: Reason| {
             if !listed.contains(&(frame.number, target.to_owned())) {
                 out.left_out.push(LeftOut {
                     frame: frame.number,
                     target: target.to_owned(),
                     deviations,
-                    why: why.to_owned(),
+                    why,
                 });
             }
         };
@@ -55,12 +56,12 @@ pub(crate) fn data(sources: &Sources<'_>, findings: &Findings<'_>) -> Result<Dat
         let others = &arranged.frames[f].others;
         let known = work.evaluate(arranged, &task, f);
         if corners > 0 && !(mirror && known) && !slipped {
-            let few = format!("too few corners: {corners}, needed {FEWEST_CORNERS}");
-            tell("board", None, if corners < FEWEST_CORNERS { &few } else { LeftOut::NO_MIRROR });
+            let few = Reason::FewCorners { got: corners, needed: FEWEST_CORNERS };
+            let no_mirror = Reason::NoMirror { beside_others: false };
+            tell("board", None, if corners < FEWEST_CORNERS { few } else { no_mirror });
         }
         for corner in arranged.false_corners.iter().filter(|corner| corner.frame == f) {
-            let why = format!("corner {} lies beside the grid of the others, which are used", corner.index);
-            tell("board", Some(corner.deviations), &why);
+            tell("board", Some(corner.deviations), Reason::CornerBeside { index: corner.index });
         }
         let names = &arranged.scene.marker_names;
         let residuals = if known { work.residuals_of(others) } else { vec![None; others.len()] };
@@ -80,13 +81,13 @@ pub(crate) fn data(sources: &Sources<'_>, findings: &Findings<'_>) -> Result<Dat
                 out.points_used += 1;
                 any = true;
             } else if slipped {
-                tell(&names[marker], None, "the row contains the measurement of another row");
+                tell(&names[marker], None, Reason::OtherRow);
             } else if by_mirror && !mirror {
-                tell(&names[marker], None, "the mirror of this frame is not known: no board");
+                tell(&names[marker], None, Reason::NoBoard);
             } else if !in_sight && matches!(observation, Observation::Pixel { .. }) {
-                tell(&names[marker], None, LeftOut::OUT_OF_SIGHT);
+                tell(&names[marker], None, Reason::OutOfSight);
             } else {
-                tell(&names[marker], deviations, "far from the best model");
+                tell(&names[marker], deviations, Reason::FarFromModel);
             }
         }
         if any {
@@ -148,7 +149,7 @@ fn one_joint_elsewhere(data: &Data, posture_of: impl Fn(i64) -> i64) -> Option<(
 
 /// In how many frames nearly all that was seen is far from the model, and no single joint corrects it.
 fn rows_off(data: &Data) -> usize {
-    let off = data.left_out.iter().filter(|l| l.why.starts_with(LeftOut::NEARLY_ALL));
+    let off = data.left_out.iter().filter(|l| matches!(l.why, Reason::WholeRow(None)));
     off.map(|l| l.frame).collect::<BTreeSet<_>>().len()
 }
 
@@ -208,9 +209,9 @@ pub(crate) fn what_is_missing(data: &Data) -> String {
             data.frames_given, data.points_given
         );
     }
-    let mut counts: Vec<(&str, usize)> = Vec::new();
+    let mut counts: Vec<(&Reason, usize)> = Vec::new();
     for left in &data.left_out {
-        match counts.iter_mut().find(|c| c.0 == left.why) {
+        match counts.iter_mut().find(|c| *c.0 == left.why) {
             Some(count) => count.1 += 1,
             None => counts.push((&left.why, 1)),
         }

@@ -1,6 +1,7 @@
 //! The result of a diagnosis: plain data, written as JSON in the public format, with further details for the report.
 
 use crate::diagnose::data::checked::Checked;
+use crate::diagnose::data::left_out::{LeftOut, Reason};
 use crate::diagnose::principles::ABOVE_SCATTER;
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -305,48 +306,6 @@ pub struct SeenMarker {
     pub after_m: [f64; 3],
 }
 
-/// Something that was left out.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct LeftOut {
-    /// The frame's number.
-    pub frame: i64,
-    /// `board`, or the marker's name.
-    pub target: String,
-    /// How far off it was, in deviations of the noise; none where nothing predicts it.
-    pub deviations: Option<f64>,
-    /// Why.
-    pub why: String,
-}
-
-impl LeftOut {
-    /// How the reason begins where a marker's observation is false.
-    pub(crate) const FAR_FROM: &str = "far from";
-    /// Why boards are left out that are seen whole and are no reflection of the board.
-    pub(crate) const NO_MIRROR: &str = "no flat mirror explains its corners";
-    /// Why markers are left out that the best model does not predict to be seen.
-    pub(crate) const OUT_OF_SIGHT: &str =
-        "the best model does not see it in this frame: behind the camera, or beside the mirror";
-    /// How it begins where something in the background was taken for a marker.
-    pub(crate) const AT_ONE_PIXEL: &str = "at one pixel";
-
-    /// How it is told where one joint's other position, from what the row says, corrects the row.
-    pub(crate) const WOULD_FIT: &str = "would fit if joint:";
-    /// How it begins where a whole row is off and no single joint corrects it.
-    pub(crate) const NEARLY_ALL: &str = "nearly all that was seen in this frame";
-
-    /// The joint whose other position corrects the row, and whether that is a larger one.
-    pub(crate) fn joint_elsewhere(&self) -> Option<(&str, bool)> {
-        let (_, told) = self.why.split_once(Self::WOULD_FIT)?;
-        let (joint, by) = told.split_once(" were ")?;
-        Some((joint, by.starts_with('+')))
-    }
-
-    /// Whether it is a marker's observation that is far from the model's prediction.
-    pub(crate) fn is_false(&self) -> bool {
-        self.target != "board" && self.why.starts_with(Self::FAR_FROM)
-    }
-}
-
 impl Data {
     /// How many observations of markers were left out as false.
     pub(crate) fn false_count(&self) -> usize {
@@ -355,8 +314,7 @@ impl Data {
 
     /// In how many frames the board is seen whole and is no reflection of the board.
     pub(crate) fn boards_without_mirror(&self) -> usize {
-        let board = |l: &&LeftOut| l.target == "board" && l.why.starts_with(LeftOut::NO_MIRROR);
-        self.left_out.iter().filter(board).count()
+        self.left_out.iter().filter(|l| matches!(l.why, Reason::NoMirror { .. })).count()
     }
 }
 

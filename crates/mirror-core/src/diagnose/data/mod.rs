@@ -2,5 +2,6 @@
 
 pub(super) mod checked;
 pub(super) mod diagnosis;
+pub(super) mod left_out;
 pub(super) mod progress;
 pub(super) mod recording;

@@ -1,6 +1,6 @@
 //! False boards: a grid detected elsewhere in the picture, which no flat mirror explains.
 
-use crate::diagnose::data::diagnosis::LeftOut;
+use crate::diagnose::data::left_out::{LeftOut, Reason};
 use crate::diagnose::model::problem::{BoardFit, FrameData, Problem};
 use crate::diagnose::principles::{FAR_DEVIATIONS, FEWEST_FRAMES, NEARLY_ALL, Threshold};
 use crate::statistics::best_run;
@@ -28,7 +28,7 @@ pub(crate) fn leave_out_wrong_grids(problem: &mut Problem) -> Vec<LeftOut> {
             frame: problem.frame_numbers[f],
             target: "board".to_owned(),
             deviations: Some(rms / better.max(problem.noise.corner_px)),
-            why: format!("{}: another grid, or another picture", LeftOut::NO_MIRROR),
+            why: Reason::NoMirror { beside_others: true },
         })
         .collect();
     for (f, _) in wrong {

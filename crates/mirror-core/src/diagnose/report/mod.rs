@@ -9,6 +9,7 @@ mod free_numbers;
 pub(super) mod gap_steps;
 mod joint_signatures;
 mod members;
+pub(super) mod missing_rows;
 pub(super) mod named_causes;
 mod one_scale;
 pub(crate) mod optics_together;

@@ -6,7 +6,8 @@ use crate::diagnose::assessment::findings::Findings;
 use crate::diagnose::assessment::left_out_together::{LeftOutTogether, left_out_together};
 use crate::diagnose::criteria::cross_validation::{in_sample, seen_size};
 use crate::diagnose::criteria::lack_of_fit::adequacy;
-use crate::diagnose::data::diagnosis::{Cause, Data, Diagnosis, Gap, LeftOut, Verdict, Where};
+use crate::diagnose::data::diagnosis::{Cause, Data, Diagnosis, Gap, Verdict, Where};
+use crate::diagnose::data::left_out::Reason;
 use crate::diagnose::data::recording::Recording;
 use crate::diagnose::likelihood::noise::STATED_LOG_STD;
 use crate::diagnose::likelihood::probability::unfinished;
@@ -26,7 +27,7 @@ use std::collections::BTreeMap;
 /// The warning if objects in the background were detected as markers.
 pub(crate) fn background_was_taken(data: &Data) -> Option<String> {
     let mut counts: BTreeMap<&str, usize> = BTreeMap::new();
-    for left in data.left_out.iter().filter(|l| l.why.starts_with(LeftOut::AT_ONE_PIXEL)) {
+    for left in data.left_out.iter().filter(|l| matches!(l.why, Reason::AtOnePixel { .. })) {
         *counts.entry(&left.target).or_default() += 1;
     }
     let told: Vec<String> =

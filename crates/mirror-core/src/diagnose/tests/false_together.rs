@@ -2,7 +2,8 @@
 
 use super::gap_world::{Plan, World};
 use crate::diagnose::assessment::false_together::lies_together;
-use crate::diagnose::data::diagnosis::{Data, LeftOut};
+use crate::diagnose::data::diagnosis::Data;
+use crate::diagnose::data::left_out::{LeftOut, Reason};
 
 /// Whether these observations (frame, marker) of a session of 60 frames and six markers lie together.
 fn together(left_out: &[(usize, usize)]) -> bool {
@@ -13,7 +14,7 @@ fn together(left_out: &[(usize, usize)]) -> bool {
         frame: recording.frames[frame].number,
         target: recording.markers[marker].name.clone(),
         deviations: Some(20.0),
-        why: "far from the best model".into(),
+        why: Reason::FarFromModel,
     };
     lies_together(&recording, &Data { left_out: left_out.iter().map(of).collect(), ..Data::default() })
 }

@@ -12,6 +12,7 @@ mod jacobians;
 mod joint_scatter;
 mod linear_models;
 mod many_columns;
+mod missing_rows;
 mod near_ties;
 mod noise;
 mod places;

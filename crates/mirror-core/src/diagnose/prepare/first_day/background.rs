@@ -9,7 +9,7 @@
 //! still if that joint does not move; it is not tested here.
 
 use super::outlying::{False, target};
-use crate::diagnose::data::diagnosis::LeftOut;
+use crate::diagnose::data::left_out::{LeftOut, Reason};
 use crate::diagnose::model::body::NodeId;
 use crate::diagnose::model::elementary::{Atom, moves_against};
 use crate::diagnose::model::frame::{FrameWork, Task};
@@ -53,13 +53,7 @@ pub(super) fn find(problem: &Problem) -> Result<Vec<False>> {
                 frame: problem.frame_numbers[frame],
                 target: target(problem, &problem.frames[frame].others[sight.index]),
                 deviations: None,
-                why: format!(
-                    "{}, {:.0}, {:.0}, in {postures} postures between which the model moves it by {apart_px:.0} px: something in the background, \
-                     or on the mirror",
-                    LeftOut::AT_ONE_PIXEL,
-                    pixel.x,
-                    pixel.y
-                ),
+                why: Reason::AtOnePixel { pixel_px: [pixel.x, pixel.y], postures, moved_px: apart_px },
             });
         }
     }

@@ -3,6 +3,7 @@
 use super::exchanges::fewest;
 use super::variant::{Variant, other_of};
 use crate::camera::Camera;
+use crate::diagnose::data::left_out::Reason;
 use crate::diagnose::data::recording::{Recording, Target};
 use crate::diagnose::model::body::{NodeId, Site};
 use crate::diagnose::model::pose::Pose;
@@ -273,10 +274,10 @@ impl Mistake {
     }
 
     /// The reason why data are left out when it is undone.
-    pub fn takes_away_since(&self) -> &'static str {
+    pub fn takes_away_since(&self) -> Reason {
         match self {
-            Self::Hung { .. } => "the same measurement, to the last digit, as in the row before",
-            _ => "the position of a joint that carries it is not known in this row",
+            Self::Hung { .. } => Reason::Repeated,
+            _ => Reason::PositionUnknown,
         }
     }
 
@@ -365,7 +366,8 @@ pub(super) fn rows_of_decay(part: f64, frames: usize) -> usize {
     if ratio < 1.0 { (rows as usize).min(most) } else { most }
 }
 
-/// The camera's centre at another resolution: pixel centres lie at whole numbers.
+/// The camera's centre at another resolution, as calibration files are scaled. Where pictures were resampled it is ½ (f − 1) px further:
+/// that is left to `camera_center`.
 pub(super) fn scaled_center(center: &Vector2<f64>, factor: f64) -> Vector2<f64> {
     center * factor
 }

@@ -3,7 +3,7 @@
 use super::alternatives::least;
 use super::misfit::{Misfit, Work};
 use super::variant::{Variant, seen_joints};
-use crate::diagnose::data::diagnosis::LeftOut;
+use crate::diagnose::data::left_out::Elsewhere;
 use crate::diagnose::model::body::NodeId;
 use crate::diagnose::model::camera_and_mirror::Eye;
 use crate::diagnose::model::deformation::Deformation;
@@ -48,7 +48,7 @@ impl<'a> OtherPositions<'a> {
         Ok(Self { problem, eye, noise, misfit, work, tried: recorded, known })
     }
 
-    /// The joint that alone corrects a frame, in words. With `beyond` (observations, by index: those that the joint carries) each of them
+    /// The joint that alone corrects a frame. With `beyond` (observations, by index: those that the joint carries) each of them
     /// must fit then; without it the median of the frame's must.
     pub fn correcting(
         &mut self,
@@ -56,7 +56,7 @@ impl<'a> OtherPositions<'a> {
         frame: usize,
         beyond: Option<&[usize]>,
         joint_names: &[String],
-    ) -> Option<String> {
+    ) -> Option<Elsewhere> {
         let (problem, every) = (self.problem, beyond.is_some());
         let can_be = |node: NodeId| beyond.is_none_or(|b| moves_these(problem, node, frame, b));
         let step_of = |node: NodeId| {
@@ -86,12 +86,10 @@ impl<'a> OtherPositions<'a> {
         };
         let (step, unit) = step_of(node);
         let by = least(at - step, at + step, &mut deviations_at);
-        (deviations_at(by) < SURE_DEVIATIONS).then(|| {
-            format!(
-                "{}{} were {by:+.3} {unit} from what the row says: a digit, or a sign",
-                LeftOut::WOULD_FIT,
-                joint_names[joint]
-            )
+        (deviations_at(by) < SURE_DEVIATIONS).then(|| Elsewhere {
+            joint: joint_names[joint].clone(),
+            by,
+            unit,
         })
     }
 

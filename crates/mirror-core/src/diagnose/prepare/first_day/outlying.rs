@@ -9,7 +9,7 @@ use super::misfit::Misfit;
 use super::other_position::OtherPositions;
 use super::variant::Variant;
 use super::verify::Tolerant;
-use crate::diagnose::data::diagnosis::LeftOut;
+use crate::diagnose::data::left_out::{LeftOut, Reason};
 use crate::diagnose::data::recording::{Frame, Recording, Target, Via};
 use crate::diagnose::model::deformation::Deformation;
 use crate::diagnose::model::frame::{FrameWork, Task};
@@ -79,14 +79,9 @@ pub(super) fn find(
         let mut corrected = |beyond| positions.correcting(&mut work, frame, beyond, joint_names);
         let why = if whole {
             chosen.clone_from(&markers);
-            corrected(None).unwrap_or_else(|| format!("{} is far from the model", LeftOut::NEARLY_ALL))
+            Reason::WholeRow(corrected(None))
         } else {
-            let one_joints = match chosen.len() {
-                0 | 1 => None,
-                _ => corrected(Some(&chosen)),
-            };
-            let why = one_joints.unwrap_or_else(|| "a digit, a label, or another thing".to_owned());
-            format!("far from all that small errors allow: {why}")
+            Reason::FarFromAll(if chosen.len() < 2 { None } else { corrected(Some(&chosen)) })
         };
         let told = chosen
             .iter()

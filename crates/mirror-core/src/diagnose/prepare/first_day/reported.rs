@@ -85,7 +85,7 @@ pub(super) fn reported(
             "joint_unit",
             "robot".into(),
             &[("factor", *factor, 0.0)],
-            "all joints' columns are in another unit",
+            "the columns of all joints that turn are in another unit",
         )],
         Mistake::Zero { joint: j, offset } => vec![cause(
             "joint_offset",

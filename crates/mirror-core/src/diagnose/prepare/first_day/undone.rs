@@ -6,7 +6,8 @@ use super::mistake::Mistake;
 use super::outlying;
 use super::reported::reported;
 use super::spoilt::{Lost, Step};
-use crate::diagnose::data::diagnosis::{Alternative, Cause, LeftOut};
+use crate::diagnose::data::diagnosis::{Alternative, Cause};
+use crate::diagnose::data::left_out::{LeftOut, Reason};
 use crate::diagnose::data::recording::{Frame, Recording, Target};
 use crate::diagnose::likelihood::noise::trimmed_share;
 use crate::diagnose::model::problem::Problem;
@@ -96,7 +97,7 @@ impl Undone {
         free.extend(mistake.free_parameters(&self.recording, &self.problem, &names(&self.robot)));
         let before = self.recording.frames.clone();
         mistake.undo(&mut self.robot, &self.problem, &mut self.recording)?;
-        self.tell_taken_away(&before, mistake.takes_away_since());
+        self.tell_taken_away(&before, &mistake.takes_away_since());
         let slips = core::mem::take(&mut self.problem.slips);
         self.problem = arranged_again(&self.robot, &self.recording, &self.problem)?;
         self.problem.slips = slips;
@@ -113,7 +114,7 @@ impl Undone {
 
 impl Undone {
     /// Lists the data that undoing a mistake left unknown in some frames: each marker once, and the board.
-    fn tell_taken_away(&mut self, before: &[Frame], why: &str) {
+    fn tell_taken_away(&mut self, before: &[Frame], why: &Reason) {
         for (before, after) in before.iter().zip(&self.recording.frames) {
             let count = |frame: &Frame, target: Target| {
                 let points = frame.points.iter().map(|p| Target::Marker(p.marker));
@@ -133,7 +134,7 @@ impl Undone {
                 frame: before.number,
                 target: target.to_owned(),
                 deviations: None,
-                why: why.to_owned(),
+                why: why.clone(),
             }));
         }
     }
