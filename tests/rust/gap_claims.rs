@@ -4,7 +4,7 @@
 use crate::gap_world::resting::rest_elsewhere;
 use crate::gap_world::{Plan, World, Wrong};
 use mirror_core::diagnose::{
-    Cause, DiagnoseOptions, Diagnosis, Progress, Recording, Target, Verdict, diagnose,
+    Cause, DependsOn, DiagnoseOptions, Diagnosis, Progress, Recording, Target, Verdict, diagnose,
 };
 use mirror_core::robot::Robot;
 use nalgebra::Vector2;
@@ -270,10 +270,7 @@ fn causes_are_found_beside_joints_that_all_rest_elsewhere_and_their_scatter_is_t
         let said = format!("{} {:?} {:#?}", told.sentence, told.causes, told.trace);
         assert!(matches!(told.verdict, Verdict::Unknown | Verdict::Partial), "{said}");
         let left = told.r#where.iter().find(|w| w.depends_on.is_some()).expect(&said);
-        assert_eq!(
-            (left.at.as_str(), left.depends_on.as_deref()),
-            ("robot", Some("posture, each by itself"))
-        );
+        assert_eq!((left.at.as_str(), left.depends_on.as_ref()), ("robot", Some(&DependsOn::EachPosture)));
         match cause {
             None => assert!(told.causes.is_empty(), "{said}"),
             Some((effect, at)) => {

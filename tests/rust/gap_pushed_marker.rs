@@ -2,7 +2,7 @@
 //! out, but they are no false detections: all lie where one joint is beyond a position, or in one run of rows.
 
 use crate::gap_world::{Plan, World};
-use mirror_core::diagnose::{DiagnoseOptions, Diagnosis, Recording, Verdict, diagnose};
+use mirror_core::diagnose::{DependsOn, DiagnoseOptions, Diagnosis, Recording, Verdict, diagnose};
 use mirror_core::robot::Robot;
 use nalgebra::Vector3;
 
@@ -52,7 +52,7 @@ fn pushed_beyond_a_joints_position_it_is_told_with_the_joint() {
         let told = diagnosed(&world, &recording);
         assert_eq!(told.verdict, Verdict::Unknown, "{} {:#?}", told.sentence, told.trace);
         assert_eq!(told.r#where[0].at, "marker:r_hand", "{:?}", told.r#where);
-        assert_eq!(told.r#where[0].depends_on.as_deref(), Some("position of joint:r_elbow"));
+        assert_eq!(told.r#where[0].depends_on, Some(DependsOn::PositionOf("r_elbow".into())));
         assert!(told.sentence.contains("in 8 of 60 postures"), "{}", told.sentence);
     }
 }

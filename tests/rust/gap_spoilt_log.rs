@@ -2,7 +2,7 @@
 
 use crate::gap_world::resting::rest_elsewhere;
 use crate::gap_world::{Plan, World, Wrong};
-use mirror_core::diagnose::{DiagnoseOptions, Diagnosis, Recording, Verdict, diagnose};
+use mirror_core::diagnose::{DependsOn, DiagnoseOptions, Diagnosis, Recording, Verdict, diagnose};
 use mirror_core::robot::Robot;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -113,8 +113,7 @@ fn a_zero_that_is_lost_in_the_middle_is_no_drift_and_is_told_from_its_row_on() {
         let told = diagnosed(&world, &recording);
         assert_only_place(&told, name);
         let row = recording.frames[first].number;
-        let on = told.r#where[0].depends_on.clone().unwrap_or_default();
-        assert_eq!(on, format!("row, from {row} on"), "{:#?}", told.trace);
+        assert_eq!(told.r#where[0].depends_on, Some(DependsOn::RowsFrom(row)), "{:#?}", told.trace);
         assert!(
             told.warnings.iter().any(|w| w.contains(&format!("from row {row} on"))),
             "{:?}",

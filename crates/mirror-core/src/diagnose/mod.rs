@@ -56,6 +56,7 @@ mod selection;
 mod tests;
 
 pub use data::checked::{Checked, Ground};
+pub use data::depends_on::DependsOn;
 pub use data::diagnosis::{
     Alternative, Cause, ChosenAnew, Data, Diagnosis, Estimate, Field, FieldPoint, Gap, GapStep, Limit,
     Member, Ranked, SeenMarker, Signature, SignaturePoint, Track, TrackAxis, TrackPoint, Verdict, Where,

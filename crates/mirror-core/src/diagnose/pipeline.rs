@@ -10,6 +10,7 @@ use crate::diagnose::assessment::survivors::keep_survivors;
 use crate::diagnose::assessment::weighed::weighed;
 use crate::diagnose::assessment::zero_lost::{BesideStep, tell_step};
 use crate::diagnose::criteria::cross_validation::PostureGap;
+use crate::diagnose::data::depends_on::DependsOn;
 use crate::diagnose::data::diagnosis::Diagnosis;
 use crate::diagnose::data::left_out::LeftOut;
 use crate::diagnose::data::recording::Recording;
@@ -233,7 +234,7 @@ fn warn_of_data(
     together: Option<&LeftOutTogether>,
 ) -> Result<()> {
     diagnosis.warnings.extend(background_was_taken(&diagnosis.data));
-    let told = together.filter(|it| it.depends_on == LeftOutTogether::TIME).map(|it| it.marker.as_str());
+    let told = together.filter(|it| it.depends_on == DependsOn::Time).map(|it| it.marker.as_str());
     diagnosis.warnings.extend(came_back(recording, &diagnosis.data, told));
     diagnosis.warnings.extend(rows_are_missing(recording));
     diagnosis.warnings.extend(column_is_spoilt(prepared, &prepared.arranged.frame_numbers));

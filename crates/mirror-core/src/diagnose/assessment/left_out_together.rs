@@ -7,6 +7,7 @@
 //! joints, of their two ends, and of markers that could have shown it (Bonferroni). What is too improbable by chance
 //! is an error of the robot that few postures show: a cable that pulls, a slack that is taken up, a collision.
 
+use crate::diagnose::data::depends_on::DependsOn;
 use crate::diagnose::data::diagnosis::Data;
 use crate::diagnose::model::body::NodeId;
 use crate::diagnose::model::problem::Problem;
@@ -17,15 +18,10 @@ use std::collections::BTreeMap;
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct LeftOutTogether {
     pub marker: String,
-    /// As in a place of a diagnosis.
-    pub depends_on: String,
+    /// What all of them have in common.
+    pub depends_on: DependsOn,
     /// In words.
     pub told: String,
-}
-
-impl LeftOutTogether {
-    /// What a run of rows depends on.
-    pub const TIME: &'static str = "time";
 }
 
 /// What is common to the postures that are off.
@@ -61,11 +57,11 @@ pub(crate) fn left_out_together(data: &Data, problem: &Problem) -> Option<LeftOu
                 let node = &scene.body.nodes[node];
                 let (joint, unit) = (&node.joint, if node.prismatic { "m" } else { "rad" });
                 let beyond = if side > 0.0 { "at least" } else { "at most" };
-                (format!("position of joint:{joint}"), format!("where joint:{joint} is {beyond} {position:.3} {unit}"))
+                (DependsOn::PositionOf(joint.clone()), format!("where joint:{joint} is {beyond} {position:.3} {unit}"))
             }
             Common::Between(first, last) => {
                 let number = |k: usize| problem.frame_numbers[given[marker][k].row];
-                (LeftOutTogether::TIME.to_owned(), format!("from frame {} to {}", number(first), number(last)))
+                (DependsOn::Time, format!("from frame {} to {}", number(first), number(last)))
             }
         };
         let told = format!(

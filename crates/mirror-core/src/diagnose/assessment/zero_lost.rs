@@ -6,6 +6,7 @@
 
 use crate::diagnose::assessment::findings::Findings;
 use crate::diagnose::criteria::cross_validation::{PostureGap, held_out, in_sample, seen_size};
+use crate::diagnose::data::depends_on::DependsOn;
 use crate::diagnose::effects::Place;
 use crate::diagnose::effects::hypothesis::Model;
 use crate::diagnose::model::problem::Noise;
@@ -68,7 +69,7 @@ pub(crate) fn tell_step(
     }
     let here = UnexplainedPlace {
         place: Some(Place::Joint(step.node)),
-        depends_on: Some(format!("row, from {} on", step.first_frame)),
+        depends_on: Some(DependsOn::RowsFrom(step.first_frame)),
         shift: seen_size(&findings.after).powi(2),
     };
     let others = findings.unexplained.take().map(|u| u.places).unwrap_or_default();

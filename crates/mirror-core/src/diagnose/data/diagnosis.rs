@@ -1,6 +1,7 @@
 //! The result of a diagnosis: plain data, written as JSON in the public format, with further details for the report.
 
 use crate::diagnose::data::checked::Checked;
+use crate::diagnose::data::depends_on::DependsOn;
 use crate::diagnose::data::left_out::{LeftOut, Reason};
 use crate::diagnose::principles::ABOVE_SCATTER;
 use serde::Serialize;
@@ -81,7 +82,7 @@ pub struct Where {
     pub share: f64,
     /// The variables on which the unexplained part depends, if there is one at this place.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub depends_on: Option<String>,
+    pub depends_on: Option<DependsOn>,
 }
 
 impl Where {

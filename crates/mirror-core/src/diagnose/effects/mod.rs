@@ -38,6 +38,7 @@ mod transverse_compliance;
 
 pub(crate) use stiction::Stiction;
 
+use crate::diagnose::data::depends_on::DependsOn;
 use crate::diagnose::model::solver::NEGLIGIBLE;
 use about::About;
 
@@ -250,6 +251,11 @@ pub(crate) trait Effect: Send + Sync {
     /// Whether it is known in the session's own frames only.
     fn is_tabulated(&self) -> bool {
         false
+    }
+
+    /// On what it depends, if it is an error without a law.
+    fn depends_on(&self) -> Option<&DependsOn> {
+        None
     }
 
     /// Whom it concerns.

@@ -12,6 +12,7 @@
 //! | board | scale and shape | constant |
 //! | mirror | glass, curvature, astigmatism | constant |
 
+use crate::diagnose::data::depends_on::DependsOn;
 use crate::diagnose::effects::{Effect, Place};
 use crate::diagnose::model::body::NodeId;
 use crate::diagnose::model::elementary::{Atom, Column, Weight};
@@ -57,17 +58,18 @@ pub(super) enum On {
 }
 
 impl On {
-    fn words(self, scene: &Scene) -> String {
+    fn told(self, scene: &Scene) -> DependsOn {
+        let joint = |n: NodeId| scene.body.nodes[n].joint.clone();
         match self {
-            Self::Nothing => "nothing".into(),
-            Self::Position => "position".into(),
-            Self::Load => "load".into(),
-            Self::Direction => "direction".into(),
-            Self::History => "history".into(),
-            Self::Time => "time".into(),
-            Self::Posture => "posture".into(),
-            Self::Joint(n) => format!("position of joint:{}", scene.body.nodes[n].joint),
-            Self::Both(n) => format!("position and position of joint:{}", scene.body.nodes[n].joint),
+            Self::Nothing => DependsOn::Nothing,
+            Self::Position => DependsOn::Position,
+            Self::Load => DependsOn::Load,
+            Self::Direction => DependsOn::Direction,
+            Self::History => DependsOn::History,
+            Self::Time => DependsOn::Time,
+            Self::Posture => DependsOn::Posture,
+            Self::Joint(n) => DependsOn::PositionOf(joint(n)),
+            Self::Both(n) => DependsOn::PositionAnd(joint(n)),
         }
     }
 }
@@ -92,7 +94,9 @@ pub(super) enum What {
 pub(super) struct FreeForm {
     what: What,
     on: On,
-    words: String,
+    told: DependsOn,
+    /// The same in words.
+    name: String,
 }
 
 /// Hat functions over the range of a quantity: a piecewise linear function with as many free values as knots.
@@ -140,7 +144,8 @@ fn stop(from: f64, path: &[f64], reach: f64) -> Vec<f64> {
 
 impl FreeForm {
     pub(super) fn new(what: What, on: On, scene: &Scene) -> Self {
-        Self { what, on, words: on.words(scene) }
+        let told = on.told(scene);
+        Self { what, on, name: told.to_string(), told }
     }
 
     /// The weights of its dependence at a place, one list for each column and elementary change.
@@ -242,7 +247,7 @@ impl FreeForm {
 
 impl Effect for FreeForm {
     fn name(&self) -> &str {
-        &self.words
+        &self.name
     }
 
     fn parameters(&self) -> Vec<String> {
@@ -317,6 +322,10 @@ impl Effect for FreeForm {
 
     fn depends_on_load(&self) -> bool {
         self.on == On::Load
+    }
+
+    fn depends_on(&self) -> Option<&DependsOn> {
+        Some(&self.told)
     }
 
     fn words(&self) -> &str {

@@ -17,6 +17,7 @@
 
 use crate::diagnose::assessment::findings::Findings;
 use crate::diagnose::criteria::lack_of_fit::noticeable_excess;
+use crate::diagnose::data::depends_on::DependsOn;
 use crate::diagnose::data::diagnosis::{Diagnosis, Field, Verdict, Where};
 use crate::diagnose::model::deformation::Deformation;
 use crate::diagnose::model::frame::{FrameWork, SeenCorner, Task};
@@ -24,7 +25,6 @@ use crate::diagnose::model::problem::{Noise, Problem};
 use crate::diagnose::model::solver::SOLVER;
 use crate::diagnose::principles::{A_GAP, FAR_DEVIATIONS, Guard, SURE_DEVIATIONS};
 use crate::diagnose::report::fields::{Over, field};
-use crate::diagnose::selection::nonparametric::BY_ITSELF;
 use crate::error::Result;
 use crate::statistics::{CHI_SQUARED_MEDIANS, median};
 use nalgebra::{Matrix2x3, Matrix3, Vector2, Vector3};
@@ -185,7 +185,7 @@ fn pictures(problem: &Problem, deformation: &Deformation, noise: Noise) -> Resul
 
 /// Says so: a session with such a board is neither without a fault nor explained.
 pub(crate) fn tell(diagnosis: &mut Diagnosis, not_flat: NotFlat) {
-    let depends_on = if not_flat.field.is_some() { "nothing" } else { BY_ITSELF };
+    let depends_on = if not_flat.field.is_some() { DependsOn::Nothing } else { DependsOn::EachPosture };
     match diagnosis.verdict {
         Verdict::None => {
             diagnosis.verdict = Verdict::Unknown;
@@ -201,10 +201,10 @@ pub(crate) fn tell(diagnosis: &mut Diagnosis, not_flat: NotFlat) {
     diagnosis.fields.extend(not_flat.field);
     let places = &mut diagnosis.r#where;
     match places.iter_mut().find(|place| place.at == BOARD) {
-        Some(board) => board.depends_on = board.depends_on.take().or(Some(depends_on.into())),
+        Some(board) => board.depends_on = board.depends_on.take().or(Some(depends_on)),
         None => {
             let share = if places.is_empty() { 1.0 } else { 0.0 };
-            places.push(Where { at: BOARD.into(), share, depends_on: Some(depends_on.into()) });
+            places.push(Where { at: BOARD.into(), share, depends_on: Some(depends_on) });
         }
     }
 }

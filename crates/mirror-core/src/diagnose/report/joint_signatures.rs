@@ -1,6 +1,7 @@
 //! Signatures of the joints: the error in each posture, free, beside what the cause or the free form predicts.
 
 use crate::diagnose::assessment::findings::Findings;
+use crate::diagnose::data::depends_on::DependsOn;
 use crate::diagnose::data::diagnosis::{Cause, Signature, SignaturePoint};
 use crate::diagnose::data::recording::Recording;
 use crate::diagnose::effects::Place;
@@ -80,7 +81,7 @@ pub(super) fn signatures(
             continue;
         }
         drawn.push(node);
-        let on = entry.depends_on.as_deref().and_then(|d| d.split_once("position of joint:")).map(|d| d.1);
+        let on = entry.depends_on.as_ref().and_then(DependsOn::other_joint);
         let other = on.and_then(|name| scene.body.nodes.iter().position(|n| n.joint == name));
         let mut causes = found.fit.model.clone();
         causes.terms.retain(|t| {

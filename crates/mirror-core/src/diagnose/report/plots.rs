@@ -6,6 +6,7 @@
 //! the model (a partial residual plot).
 
 use crate::diagnose::assessment::findings::Findings;
+use crate::diagnose::data::depends_on::DependsOn;
 use crate::diagnose::data::diagnosis::{Cause, Field, Track, TrackAxis, TrackPoint};
 use crate::diagnose::effects::Place;
 use crate::diagnose::model::body::NodeId;
@@ -207,8 +208,10 @@ pub(crate) fn panels(findings: &Findings<'_>, causes: &[Cause]) -> Result<Panels
                 parts.push(part);
             }
         }
-        let on = effect.strip_prefix("position of joint:").filter(|_| is_free);
-        let other = on.and_then(|name| scene.body.nodes.iter().position(|n| n.joint == name));
+        let other = match search.catalogue.effect(term.hypothesis).depends_on() {
+            Some(DependsOn::PositionOf(name)) => scene.body.nodes.iter().position(|n| n.joint == *name),
+            _ => None,
+        };
         for part in parts {
             out.tracks.push(track(findings, (cause, &at), part, other, (&without, &full))?);
         }

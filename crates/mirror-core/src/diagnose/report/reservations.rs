@@ -6,6 +6,7 @@ use crate::diagnose::assessment::findings::Findings;
 use crate::diagnose::assessment::left_out_together::{LeftOutTogether, left_out_together};
 use crate::diagnose::criteria::cross_validation::{in_sample, seen_size};
 use crate::diagnose::criteria::lack_of_fit::adequacy;
+use crate::diagnose::data::depends_on::DependsOn;
 use crate::diagnose::data::diagnosis::{Cause, Data, Diagnosis, Gap, Verdict, Where};
 use crate::diagnose::data::left_out::Reason;
 use crate::diagnose::data::recording::Recording;
@@ -125,10 +126,8 @@ fn one_drift_of_several(causes: &mut [Cause]) {
 fn contradicted_slips(causes: &mut [Cause], findings: &Findings<'_>) {
     let scene = &findings.search.problem.scene;
     let places = findings.unexplained.iter().flat_map(|u| &u.places);
-    let wandering: Vec<String> = places
-        .filter(|p| p.depends_on.as_deref().is_some_and(|on| on.starts_with("time")))
-        .map(|p| p.name(scene))
-        .collect();
+    let wandering: Vec<String> =
+        places.filter(|p| p.depends_on == Some(DependsOn::Time)).map(|p| p.name(scene)).collect();
     let slips: Vec<String> = causes.iter().filter(|c| c.effect == "slip").map(|c| c.at.clone()).collect();
     let is_back = |at: &String| slips.iter().filter(|other| *other == at).count() > 1;
     let doubtful = |c: &&mut Cause| c.effect == "slip" && (wandering.contains(&c.at) || is_back(&c.at));
@@ -304,7 +303,7 @@ pub(crate) fn reserve(diagnosis: &mut Diagnosis, findings: &Findings<'_>, togeth
         tell_left_out(diagnosis, Where { at, share: 1.0, depends_on: Some(depends_on) }, told);
     } else if let Some((joint, told)) = evidence::what_is_elsewhere(&diagnosis.data, problem) {
         let at = format!("joint:{joint}");
-        tell_left_out(diagnosis, Where { at, share: 1.0, depends_on: Some("row".into()) }, told);
+        tell_left_out(diagnosis, Where { at, share: 1.0, depends_on: Some(DependsOn::Row) }, told);
     }
     if let (Verdict::None, Some(told)) = (diagnosis.verdict, evidence::rows_elsewhere(&diagnosis.data)) {
         diagnosis.sentence += &format!(" But {told}.");

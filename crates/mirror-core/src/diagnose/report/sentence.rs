@@ -1,5 +1,6 @@
 //! The verdict in one sentence.
 
+use crate::diagnose::data::depends_on::DependsOn;
 use crate::diagnose::data::diagnosis::{Cause, Gap, Verdict, Where};
 use crate::diagnose::likelihood::probability::tempered;
 use crate::diagnose::principles::{LEAST_LOG_ODDS, SEVERAL_CAUSES, WORTH_NAMING};
@@ -125,19 +126,19 @@ fn where_and_on_what(place: Option<&Where>) -> String {
     let Some(place) = place.filter(|p| p.at != Where::NOWHERE) else {
         return "at no single place".into();
     };
-    let depends = match place.depends_on.as_deref() {
+    let depends = match &place.depends_on {
         None => String::new(),
-        Some("nothing") => ", the same in every posture".into(),
-        Some("position") => " and depends on its position".into(),
-        Some("load") => " and depends on its load".into(),
-        Some("direction") => " and depends on the direction of its last motion".into(),
-        Some("history") => " and depends on the path that it came along".into(),
-        Some("time") => " and depends on time".into(),
-        Some("posture") => " and depends on how gravity pulls at it".into(),
-        Some(other) => match other.strip_prefix("position and ") {
-            Some(others) => format!(" and depends on its position and the {others}"),
-            None => format!(" and depends on the {other}"),
-        },
+        Some(DependsOn::Nothing) => ", the same in every posture".into(),
+        Some(DependsOn::Position) => " and depends on its position".into(),
+        Some(DependsOn::Load) => " and depends on its load".into(),
+        Some(DependsOn::Direction) => " and depends on the direction of its last motion".into(),
+        Some(DependsOn::History) => " and depends on the path that it came along".into(),
+        Some(DependsOn::Time) => " and depends on time".into(),
+        Some(DependsOn::Posture) => " and depends on how gravity pulls at it".into(),
+        Some(DependsOn::PositionAnd(joint)) => {
+            format!(" and depends on its position and the position of joint:{joint}")
+        }
+        Some(other) => format!(" and depends on the {other}"),
     };
     format!("at {}{}{depends}", article(&place.at), place.at)
 }
@@ -152,8 +153,8 @@ mod tests {
     use super::*;
     use crate::diagnose::data::diagnosis::Alternative;
 
-    fn place(at: &str, on: &str) -> Where {
-        Where { at: at.into(), share: 1.0, depends_on: Some(on.into()) }
+    fn place(at: &str, on: DependsOn) -> Where {
+        Where { at: at.into(), share: 1.0, depends_on: Some(on) }
     }
 
     #[test]
@@ -200,7 +201,7 @@ mod tests {
         let nowhere = Where { at: "unknown".into(), share: 0.1, depends_on: None };
         let left = unexplained_place(&[cause.clone(), nowhere.clone()]).map(|w| w.at.clone());
         assert_eq!(left.as_deref(), Some("unknown"));
-        let found = place("joint:elbow", "load");
+        let found = place("joint:elbow", DependsOn::Load);
         let left = unexplained_place(&[cause, nowhere, found]).map(|w| w.at.clone());
         assert_eq!(left.as_deref(), Some("joint:elbow"));
     }
@@ -208,14 +209,17 @@ mod tests {
     #[test]
     fn a_place_says_on_what_it_depends() {
         assert_eq!(
-            where_and_on_what(Some(&place("joint:elbow", "position of joint:knee"))),
+            where_and_on_what(Some(&place("joint:elbow", DependsOn::PositionOf("knee".into())))),
             "at joint:elbow and depends on the position of joint:knee"
         );
         assert_eq!(
-            where_and_on_what(Some(&place("marker:hand", "nothing"))),
+            where_and_on_what(Some(&place("marker:hand", DependsOn::Nothing))),
             "at marker:hand, the same in every posture"
         );
-        assert_eq!(where_and_on_what(Some(&place("camera", "time"))), "at the camera and depends on time");
+        assert_eq!(
+            where_and_on_what(Some(&place("camera", DependsOn::Time))),
+            "at the camera and depends on time"
+        );
         assert_eq!(where_and_on_what(None), "at no single place");
     }
 }

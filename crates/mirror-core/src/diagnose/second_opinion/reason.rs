@@ -1,12 +1,12 @@
 //! The reasons for a second diagnosis: what it does differently, and when it is accepted.
 
 use crate::diagnose::assessment::false_together::lies_together;
+use crate::diagnose::data::depends_on::DependsOn;
 use crate::diagnose::data::diagnosis::{Cause, Diagnosis, Verdict};
 use crate::diagnose::data::recording::Recording;
 use crate::diagnose::effects::vocabulary;
 use crate::diagnose::pipeline::Outcome;
 use crate::diagnose::principles::{FAR_DEVIATIONS, LEAST_HELD_OUT_RATIO, MAJORITY, SURE_DEVIATIONS};
-use crate::diagnose::selection::nonparametric::BY_ITSELF;
 
 pub(super) const SLIP: &str = "slip";
 /// The parameter of a slip that is none of its motion.
@@ -226,7 +226,7 @@ impl Reason {
 /// The joint of the largest part of the remainder, if its error is independent in each posture.
 fn lawless_place(diagnosis: &Diagnosis) -> Option<&str> {
     let first = diagnosis.r#where.first()?;
-    (first.depends_on.as_deref() == Some(BY_ITSELF)).then_some(&first.at)
+    (first.depends_on == Some(DependsOn::EachPosture)).then_some(&first.at)
 }
 
 /// The named mistakes of columns, a ratio included.

@@ -9,6 +9,7 @@
 
 use crate::diagnose::criteria::lack_of_fit::Adequacy;
 use crate::diagnose::criteria::marker_shift::marker_shift;
+use crate::diagnose::data::depends_on::DependsOn;
 use crate::diagnose::data::diagnosis::Where;
 use crate::diagnose::effects::Place;
 use crate::diagnose::effects::hypothesis::{Catalogue, Model};
@@ -28,9 +29,6 @@ use crate::error::Result;
 /// error's.
 pub(crate) const IMITATOR_SHARE: Threshold = 4.0;
 
-/// The dependence of an error that is independent in each posture.
-pub(crate) const BY_ITSELF: &str = "posture, each by itself";
-
 /// Where the unexplained part lives: the place that matters most first.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Unexplained {
@@ -41,18 +39,20 @@ impl Unexplained {
     /// A joint with an independent error in each posture.
     pub fn erratic(node: NodeId) -> Self {
         let place = Some(Place::Joint(node));
-        Self { places: vec![UnexplainedPlace { place, depends_on: Some(BY_ITSELF.into()), shift: 1.0 }] }
+        Self {
+            places: vec![UnexplainedPlace { place, depends_on: Some(DependsOn::EachPosture), shift: 1.0 }],
+        }
     }
 
     /// All joints with an independent error in each posture.
     pub fn scattered() -> Self {
-        let place = UnexplainedPlace { place: None, depends_on: Some(BY_ITSELF.into()), shift: 1.0 };
+        let place = UnexplainedPlace { place: None, depends_on: Some(DependsOn::EachPosture), shift: 1.0 };
         Self { places: vec![place] }
     }
 
     /// Whether the remainder has neither a known law nor a place: of no place, or independent in each posture.
     pub fn is_lawless(&self) -> bool {
-        let by_itself = |p: &UnexplainedPlace| p.depends_on.as_deref() == Some(BY_ITSELF);
+        let by_itself = |p: &UnexplainedPlace| p.depends_on == Some(DependsOn::EachPosture);
         self.places.iter().all(|p| p.place.is_none() || by_itself(p))
     }
 
@@ -60,7 +60,7 @@ impl Unexplained {
     pub fn at(all: &Catalogue, hypotheses: &[usize]) -> Option<Self> {
         let place = |&h: &usize| UnexplainedPlace {
             place: Some(all.hypotheses[h].place),
-            depends_on: Some(all.effect(h).name().to_owned()),
+            depends_on: all.effect(h).depends_on().cloned(),
             shift: 1.0,
         };
         (!hypotheses.is_empty()).then(|| Self { places: hypotheses.iter().map(place).collect() })
@@ -77,7 +77,7 @@ impl Unexplained {
 pub(crate) struct UnexplainedPlace {
     /// None where it could not be found, or is the whole robot.
     pub place: Option<Place>,
-    pub depends_on: Option<String>,
+    pub depends_on: Option<DependsOn>,
     /// Sum over the markers' observations of the squared shift that the free-form error makes, in variances.
     pub shift: f64,
 }
@@ -274,7 +274,7 @@ pub(crate) fn unexplained(
         let shift = marker_shift(&search.problem, &without, &all, search.measured_noise)?.iter().sum();
         out.places.push(UnexplainedPlace {
             place: Some(search.catalogue.hypotheses[term.hypothesis].place),
-            depends_on: Some(search.catalogue.effect(term.hypothesis).name().to_owned()),
+            depends_on: search.catalogue.effect(term.hypothesis).depends_on().cloned(),
             shift,
         });
     }
