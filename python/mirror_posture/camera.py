@@ -27,8 +27,8 @@ class Camera:
     camera), in OpenCV's meaning.
 
     Raises `MirrorPostureError` for invalid parameters: sizes and focal lengths must be above 0, there must
-    be as many finite coefficients as the lens model has, and the distortion must be invertible all over the
-    picture.
+    be as many finite coefficients as the lens model has. Pixels beyond where the distortion can be inverted
+    have no ray.
     """
 
     size_px: tuple[int, int]
@@ -72,7 +72,8 @@ class Camera:
     ) -> Camera:
         """From OpenCV's camera matrix (3, 3) and its 0, 4, 5 or 8 distortion coefficients.
 
-        Raises `MirrorPostureError` for another shape or number of coefficients.
+        Raises `MirrorPostureError` for another shape or number of coefficients, and for a matrix with other entries than
+        fx, fy, cx, cy and 1: a skew, or a transposed matrix.
         """
         try:
             matrix = np.asarray(matrix_px, dtype=np.float64).reshape(3, 3)
@@ -87,6 +88,10 @@ class Camera:
         if model is None:
             raise MirrorPostureError(
                 f"camera: distortion has {len(coefficients)} numbers; needed none, 4 or 5 (plumb_bob) or 8 (rational_polynomial)"
+            )
+        if matrix[0, 1] or matrix[1, 0] or matrix[2].tolist() != [0.0, 0.0, 1.0]:
+            raise MirrorPostureError(
+                f"camera: matrix {matrix.tolist()}; needed [[fx, 0, cx], [0, fy, cy], [0, 0, 1]], without skew"
             )
         focal, center = (matrix[0, 0], matrix[1, 1]), (matrix[0, 2], matrix[1, 2])
         return cls(size_px, focal, center, model, tuple(coefficients), name)

@@ -26,6 +26,8 @@ from typing import TYPE_CHECKING, Any
 
 from ._core import MirrorPostureError, __version__
 from .input_files import path_inside
+from .session import load_session
+from .session.motion import is_moving
 
 if TYPE_CHECKING:
     from .diagnosis import Diagnosis
@@ -241,8 +243,29 @@ def diagnose_on_fleet(
     The same documents as `diagnosis.diagnose` gives here; options as there.
 
     Raises:
-        MirrorPostureError: as `on_fleet` and `diagnosis.diagnose` do.
+        MirrorPostureError: a session in motion, at once; later as `on_fleet` and `diagnosis.diagnose` do.
     """
+    for folder in folders:
+        # Workers diagnose still postures only: each picture of a motion would be taken for one.
+        if _moves(folder):
+            raise MirrorPostureError(
+                f"--scheduler: {folder} is a session in motion, needed sessions of still postures; diagnose it here, without --scheduler"
+            )
+    return _from_fleet(folders, scheduler, without, check, withhold, most_causes, tls)
+
+
+def _moves(folder: Path) -> bool:
+    try:
+        return is_moving(load_session(folder))
+    except MirrorPostureError:
+        # Told where it is diagnosed.
+        return False
+
+
+def _from_fleet(
+    folders: Sequence[Path], scheduler: str, without: Sequence[str], check: Sequence[Path], withhold: Sequence[str],
+    most_causes: int | None, tls: Tls | None,
+) -> Iterator[Diagnosis]:  # fmt: skip
     from .diagnosis import Diagnosis
 
     others = [pack(folder) for folder in check]

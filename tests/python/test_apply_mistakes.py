@@ -74,3 +74,42 @@ def test_what_no_file_holds_says_what_to_do(effect: str, tmp_path: Path) -> None
 def test_places_of_two_are_told_plainly() -> None:
     assert formatting.place_in_words("joint:a<->joint:b") == "a and b"
     assert formatting.place_with_article("marker:m<-link:l") == "marker m on link l"
+
+
+def with_encoders(folder: Path, factor: float, of: tuple[str, str] = ("shoulder", "elbow")) -> mp.Session:
+    """A session whose encoders read `factor` times the commands of these joints, from a zero of their own."""
+    rows = ["frame,posture,shoulder,elbow,measured:shoulder,measured:elbow"]
+    for index in range(6):
+        told = {"shoulder": -0.1 * index, "elbow": 0.3 * (-1) ** index}
+        read = [factor * told[name] + 0.02 for name in of]
+        rows.append(f"{index},{index},{told['shoulder']},{told['elbow']},{read[0]},{read[1]}")
+    return mp.load_session(write_folder(folder, frames="\n".join(rows) + "\n"))
+
+
+def test_encoders_that_agree_with_the_command_share_its_mistake(tmp_path: Path) -> None:
+    """Before: they stayed, and the corrected session was refused where the units then differed."""
+    session = with_encoders(tmp_path / "session", 1.0)
+    unit = apply_diagnosis(
+        session, found("joint_unit", "joint:elbow", factor=np.pi / 180), tmp_path / "scaled"
+    )
+    better = mp.load_session(unit.folder).frames
+    np.testing.assert_allclose(better.measured, session.frames.measured * [1.0, np.pi / 180])
+    assert unit.written[0].what.endswith(", and measured: of elbow, which agreed")
+    swap = found("joints_swapped", "joint:shoulder<->joint:elbow")
+    swapped = apply_diagnosis(session, swap, tmp_path / "swapped")
+    better = mp.load_session(swapped.folder).frames
+    read = {name: better.measured[:, index] for index, name in enumerate(better.measured_names)}
+    np.testing.assert_array_equal(read["shoulder"], session.frames.measured[:, 1])
+    np.testing.assert_array_equal(read["elbow"], session.frames.measured[:, 0])
+    assert "measured: of shoulder, elbow" in swapped.written[0].what
+
+
+def test_encoders_that_read_otherwise_than_the_command_stay(tmp_path: Path) -> None:
+    session = with_encoders(tmp_path / "unit", 0.1)
+    unit = apply_diagnosis(session, found("joint_unit", "robot", factor=0.1), tmp_path / "scaled")
+    np.testing.assert_array_equal(mp.load_session(unit.folder).frames.measured, session.frames.measured)
+    session = with_encoders(tmp_path / "swapped", 1.0, ("elbow", "shoulder"))
+    swap = found("joints_swapped", "joint:shoulder<->joint:elbow")
+    better = mp.load_session(apply_diagnosis(session, swap, tmp_path / "better").folder).frames
+    assert better.measured_names == session.frames.measured_names
+    np.testing.assert_array_equal(better.measured, session.frames.measured)

@@ -70,3 +70,34 @@ def test_what_cannot_be_written_is_told_with_what_to_do(tmp_path: Path) -> None:
     own.write_text("<robot/>")
     with pytest.raises(MirrorPostureError, match="no <ros2_control>"):
         patch_ros2_control(own, causes, out)
+
+
+@pytest.mark.parametrize("order", [1, -1])
+def test_an_offset_and_a_gear_of_one_joint_are_written_once(order: int, tmp_path: Path) -> None:
+    """θ = q + a + e q. Before: the last of them overwrote the other's offset, so it depended on their order."""
+    own, out = tmp_path / "control.xacro", tmp_path / "better.xacro"
+    own.write_text(CONTROL)
+    error, names = 0.03, {"ratio": 40.0, "neck_zero": 0.1}
+    offsets = {"elbow": -0.05, "wrist": 0.02, "neck": 0.04}
+    causes = found(
+        *(("joint_offset", f"joint:{name}", {"offset_rad": offset}) for name, offset in offsets.items()),
+        *(("gear_ratio", f"joint:{name}", {"scale_error": error}) for name in offsets),
+    ).causes[::order]
+    told = patch_ros2_control(own, causes, out)
+    assert len(told) == 6 and not any("not written" in line for line in told.values())
+    for name, offset in offsets.items():
+        assert told["joint_offset", f"joint:{name}"] == told["gear_ratio", f"joint:{name}"]
+        for actuator in (-20.0, 3.0):
+            was = reported(CONTROL, name, actuator, **names)
+            stands = was + offset + error * was
+            assert reported(out.read_text(), name, actuator, **names) == pytest.approx(stands, abs=1e-9)
+
+
+def test_two_offsets_of_one_joint_are_one_element(tmp_path: Path) -> None:
+    own, out = tmp_path / "control.xacro", tmp_path / "better.xacro"
+    own.write_text(CONTROL)
+    causes = found(*2 * [("joint_offset", "joint:wrist", {"offset_rad": 0.02})]).causes
+    patch_ros2_control(own, causes, out)
+    assert out.read_text().count("<offset>") == CONTROL.count("<offset>") + 1
+    was = reported(CONTROL, "wrist", 3.0)
+    assert reported(out.read_text(), "wrist", 3.0) == pytest.approx(was + 0.04, abs=1e-9)

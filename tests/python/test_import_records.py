@@ -78,6 +78,19 @@ def test_logs_are_read_as_others_write_them(tmp_path: Path) -> None:
         read("stamp,a\n0,1\n1,2\n", time="stamp=minutes")
 
 
+@pytest.mark.parametrize(("unit", "each"), [("ms", 10**3), ("us", 10**6), ("ns", 10**9)])
+def test_unix_times_are_read_in_every_unit(unit: str, each: int, tmp_path: Path) -> None:
+    """Before, the limit of seconds was asked of the numbers as they stand, and refused all of them."""
+    file = tmp_path / "log.csv"
+    file.write_text("stamp,a\n" + "".join(f"{1764455000 * each + i * each // 10},0.1\n" for i in range(4)))
+    seconds = joint_csv(file, False, f"stamp={unit}").time_s
+    np.testing.assert_allclose(seconds - 1764455000, [0.0, 0.1, 0.2, 0.3], atol=1e-6)
+    # What is too large for a time in seconds still is.
+    file.write_text(f"stamp,a\n0,0.1\n{2 * 10**12 * each},0.1\n")
+    with pytest.raises(MirrorPostureError, match=r"row 2 \(line 3\), column 'stamp': got .* at most 1e\+"):
+        joint_csv(file, False, f"stamp={unit}")
+
+
 def test_errors_of_a_log_name_its_file_and_row(tmp_path: Path) -> None:
     file = tmp_path / "log.csv"
     for text, told in (

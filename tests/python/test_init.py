@@ -287,6 +287,56 @@ def test_an_mjcf_becomes_a_urdf_that_moves_as_mujoco_moves(tmp_path: Path) -> No
         urdf_from_mjcf(file)
 
 
+COUPLED = """<mujoco model="m"><compiler angle="radian"/><worldbody><body name="palm"><geom size=".1"/>
+  <body name="a"><joint name="f1" axis="0 1 0" range="-1 1" ref="0.2"/><geom size=".02" pos=".2 0 0"/>
+    <body name="b" pos=".3 0 0"><joint name="f2" axis="0 -1 0" range="-3 3" ref="-0.1"/><geom size=".02" pos=".1 0 0"/></body></body>
+  <body name="c" pos="0 .2 0"><joint name="f3" axis="0 1 0" range="-1 1"/><geom size=".02" pos=".1 0 0"/></body>
+  </body></worldbody>
+  <equality><joint joint1="f2" joint2="f1" polycoef="0.05 1.5 0 0 0"/>{}</equality></mujoco>"""
+
+
+def test_couplings_of_an_mjcf_are_kept_or_told(tmp_path: Path) -> None:
+    """Before, they were dropped without a word, and the fingers were two free joints. Judged by MuJoCo's own projection."""
+    mujoco = pytest.importorskip("mujoco")
+    file = tmp_path / "m.xml"
+    file.write_text(COUPLED.format(""))
+    text, _, warnings = urdf_from_mjcf(file)
+    robot = Robot.from_urdf_text(text)
+    assert robot.position_names == ("f1", "f3") and warnings == []
+    model = mujoco.MjModel.from_xml_path(str(file))
+    data = mujoco.MjData(model)
+    for angle in (-0.6, 0.2, 0.7):
+        data.qpos[:] = [angle, 0.0, 0.0]
+        # The angle at which MuJoCo's constraint is kept: its residual is linear in the follower's position.
+        mujoco.mj_forward(model, data)
+        data.joint("f2").qpos[0] -= data.efc_pos[0]
+        mujoco.mj_forward(model, data)
+        assert abs(data.efc_pos[0]) < 1e-12
+        pose = robot.link_poses(robot.positions({"f1": [angle]}), ["b"])[0][0]
+        np.testing.assert_allclose(pose[:3, :3], data.body("b").xmat.reshape(3, 3), atol=1e-9)
+        np.testing.assert_allclose(pose[:3, 3], data.body("b").xpos, atol=1e-9)
+    for more, kind in (
+        ('<joint name="e" joint1="f3" joint2="f1" polycoef="0 1 0.5 0 0"/>', "joint"),
+        ('<joint name="e" joint1="f3"/>', "joint"),
+        ('<joint name="e" joint1="f1" joint2="f2"/>', "joint"),
+        ('<connect name="e" body1="b" body2="c" anchor="0 0 0"/>', "connect"),
+        ('<weld name="e" body1="b" body2="c"/>', "weld"),
+    ):
+        file.write_text(COUPLED.format(more))
+        text, _, warnings = urdf_from_mjcf(file)
+        assert Robot.from_urdf_text(text).position_names == ("f1", "f3")
+        (told,) = warnings
+        assert told.startswith(f"equality e ({kind}) is left out"), told
+        file.write_text(COUPLED.format(more.replace("/>", ' active="false"/>')))
+        assert urdf_from_mjcf(file)[2] == []
+    # fmt: off
+    file.write_text(COUPLED.format('<weld name="e" body1="b" body2="c"/>'))
+    done = run("init", file, tmp_path / "s", "--camera", "world", "--camera-at", "0,0,1", "--board", "world", "--board-at", "0,0,0.9",
+               "--marker", "hand=b@0.1,0,0")
+    # fmt: on
+    assert "equality e (weld) is left out" in " ".join(done.stderr.split())
+
+
 SHAPES = """<mujoco><asset><mesh name="wedge/1" vertex="0 0 0  .2 0 0  0 .1 0  0 0 .3"/></asset><worldbody>
   <geom name="floor" type="plane" size="1 1 1"/>
   <body name="arm"><joint name="j" axis="0 0 1" range="-90 90"/>
@@ -333,7 +383,7 @@ def test_meshes_of_similar_names_stay_apart(tmp_path: Path) -> None:
     )
     geoms = '<geom type="mesh" mesh="arm/link"/><geom type="mesh" mesh="arm_link"/>'
     file.write_text(f"<mujoco><asset>{meshes}</asset><worldbody><body>{geoms}</body></worldbody></mujoco>")
-    text, found = urdf_from_mjcf(file)
+    text, found, _ = urdf_from_mjcf(file)
     sizes = {round(float(np.ptp(mesh.vertices_m, axis=0).max()), 3) for mesh in found.values()}
     assert len(found) == len(sizes) == 2 and all(f'filename="{name}"' in text for name in found)
 

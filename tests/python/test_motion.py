@@ -309,6 +309,27 @@ def test_without_the_distribution_or_mujoco_a_motion_is_refused_in_one_line(
     assert "is a session in motion; pip install 'mirror-posture[mujoco]'" in line
 
 
+def test_options_that_a_motion_has_not_are_refused(late: tuple[Path, float], tmp_path: Path) -> None:
+    """Before they were passed over, and a fleet took each picture of the motion for a still posture."""
+    from mirror_posture.cli.app import app
+
+    words = ["diagnose", str(late[0]), "--model", str(late[0] / "model.xml"), "--out", str(tmp_path / "out")]
+    for option, value in (
+        ("--without", "latency"),
+        ("--withhold", "marker:hand"),
+        ("--rerun", str(tmp_path / "a.rrd")),
+        ("--scheduler", "tcp://127.0.0.1:9"),
+    ):
+        done = CliRunner().invoke(app, [*words, option, value])
+        assert done.exit_code == 1, option
+        told = " ".join(done.stderr.split())
+        assert (
+            f"{option}: {late[0]} is a session in motion" in told
+            and "needed sessions of still postures" in told
+        )
+    assert not (tmp_path / "out").exists()
+
+
 def test_a_motion_that_diverges_is_none_and_leaves_no_file(
     late: tuple[Path, float], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 import mirror_posture as mp
+from mirror_posture.correct.viewpoints import Viewpoint, go
 from mirror_posture.robots import (
     JointLimits,
     LostRobotError,
@@ -72,6 +73,30 @@ def test_it_says_what_to_do_in_degrees_and_radians(robot: ByHandRobot) -> None:
     assert said.splitlines()[-1].startswith("REST")
     assert sum("l_elbow" in line for line in said.splitlines()) == 1, "only what changes is told again"
     assert isinstance(robot, TurnsView)
+
+
+def test_the_first_posture_and_view_are_told_where_both_are_zero(nominal: Nominal, tmp_path: Path) -> None:
+    """Before, a correction whose first posture was all zeros printed LOOK alone, and the robot stood anywhere."""
+    lines: list[str] = []
+    robot = ByHandRobot(nominal, tmp_path, QUICK, say=lines.append)
+    go(robot, Viewpoint(View()), dict.fromkeys(robot.joint_names, 0.0))
+    for value in (40, 50):
+        thread = later(lambda value=value: (tmp_path / f"{value}.png").write_bytes(coded(value)))
+        assert shade(robot.look().picture_bgr) == value
+        thread.join()
+    count = len(robot.joint_names)
+    told = [line.split()[0] for line in lines]
+    assert told == ["MOVE"] * count + ["TURN", "LOOK", "took", "LOOK", "took"], "once, the posture first"
+    assert (
+        all("+0.000°" in line for line in lines[:count])
+        and "TURN   the robot 0° to its right" in lines[count]
+    )
+
+
+def test_the_first_posture_is_told_before_the_first_view(robot: ByHandRobot) -> None:
+    go(robot, Viewpoint(View(0.1)), dict.fromkeys(robot.joint_names, 0.0))
+    told = [line.split()[0] for line in robot.lines]  # type: ignore[attr-defined]
+    assert told == ["MOVE"] * len(robot.joint_names) + ["TURN"]
 
 
 @pytest.mark.parametrize("suffix", [".png", ".jpg"])
@@ -138,6 +163,7 @@ def test_of_two_new_pictures_the_newer_is_taken_and_both_are_done_with(
 ) -> None:
     options = ByHandOptions(longest_wait_s=0.6, still_s=0.2, poll_s=0.01)
     robot = ByHandRobot(nominal, tmp_path, options, say=lambda line: None)
+    robot.turn(View())
     (tmp_path / "1.png").write_bytes(coded(30))
     time.sleep(0.02)
     (tmp_path / "2.png").write_bytes(coded(40))
@@ -148,6 +174,7 @@ def test_of_two_new_pictures_the_newer_is_taken_and_both_are_done_with(
 
 def test_a_broken_picture_is_told_and_waited_over(nominal: Nominal, tmp_path: Path) -> None:
     robot = ByHandRobot(nominal, tmp_path, ByHandOptions(0.5, 0.05, 0.01), say=lambda line: None)
+    robot.turn(View())
     (tmp_path / "half.png").write_bytes(coded(30)[:5000])
     with pytest.raises(NoLookError, match=r"half\.png.*broken"):
         robot.look()

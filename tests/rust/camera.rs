@@ -44,6 +44,15 @@ fn what_the_camera_cannot_see_is_refused() {
     assert!(camera.project(&Point3::new(0.0, 0.0, -1.0)).is_err());
     assert!(camera.project(&Point3::new(0.0, 0.0, 0.0)).is_err());
     assert!(camera.project(&Point3::new(f64::NAN, 0.0, 1.0)).is_err());
+    for far in [1e200, f64::INFINITY] {
+        assert!(self::camera(Distortion::None).project(&Point3::new(far, 0.0, 1.0)).is_err(), "{far}");
+    }
+    // A weak barrel folds beyond 80° off axis, as far out as the search for the fold goes.
+    let weak = self::camera(Distortion::PlumbBob([-0.008, 0.0, 0.0, 0.0, 0.0]));
+    assert!(
+        weak.project(&Point3::new(5.6, 0.0, 1.0)).is_ok()
+            && weak.project(&Point3::new(11.2, 0.0, 1.0)).is_err()
+    );
     // With k1 = -0.5 the picture folds back at tan = 0.816: two rays would share a pixel.
     assert!(camera.project(&Point3::new(0.9, 0.0, 1.0)).is_err());
     assert!(camera.unproject(&Vector2::new(5000.0, 300.0)).is_err());

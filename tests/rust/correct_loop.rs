@@ -368,6 +368,26 @@ fn looks_are_counted_and_nothing_follows_a_stop() {
 }
 
 #[test]
+fn readings_that_mean_nothing_are_refused_before_anything_is_learned_from_them() {
+    let mut rng = ChaCha8Rng::seed_from_u64(10);
+    let body = Body::default();
+    let mut corrector = corrector(&["hand"], gain(0.5), &[]);
+    let good = reading(body.hand(&arm_command(&corrector)), &mut rng).unwrap();
+    let negative = -good.covariance_m2;
+    let flat = Matrix3::from_diagonal(&Vector3::new(1e-8, 1e-8, 0.0));
+    let mut skew = good.covariance_m2;
+    skew[(0, 2)] += 1e-9;
+    for covariance_m2 in [negative, flat, skew] {
+        assert!(corrector.observe(&[Some(Reading { covariance_m2, ..good })]).is_err());
+    }
+    for chi_squared in [f64::NAN, -1.0] {
+        assert!(corrector.observe(&[Some(Reading { chi_squared, ..good })]).is_err());
+    }
+    assert!(corrector.records().is_empty());
+    assert!(corrector.observe(&[Some(good)]).is_ok());
+}
+
+#[test]
 fn a_measurement_too_coarse_for_the_tolerance_says_so() {
     let mut rng = ChaCha8Rng::seed_from_u64(2);
     let mut corrector = corrector(&["hand"], gain(0.8), &[]);

@@ -82,11 +82,16 @@ fn what_no_command_mends_is_refused() {
         (term(0, JointTerm::Share, 0.5), "no small error"),
         (term(2, JointTerm::Offset, 0.1), "below 2"),
         (term(0, JointTerm::Offset, f64::NAN), "finite"),
+        (term(0, JointTerm::Play, -0.2), "0 or above"),
+        (term(1, JointTerm::DeadBand, -0.01), "0 or above"),
         (JointError { driver: None, ..term(0, JointTerm::Coupling, 0.1) }, "driver"),
     ] {
         let message = ahead(&[error]).unwrap_err().to_string();
         assert!(message.contains(words), "{message}");
     }
+    // Each is small; together they turn a joint as far as its limit.
+    let message = ahead(&[term(0, JointTerm::Share, 0.49); 3]).unwrap_err().to_string();
+    assert!(message.contains("together") && message.contains("1.47"), "{message}");
     let limited = ahead(&[term(0, JointTerm::Offset, -0.5)]).unwrap();
     let (mut way_point, mut command) = ([0.0; 2], [0.0; 2]);
     limited.commands(&[2.9, 0.0], &mut way_point, &mut command).unwrap();

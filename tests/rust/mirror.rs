@@ -204,6 +204,14 @@ fn bad_views_are_refused_with_their_reason() {
     // So are those of a diagonal.
     let diagonal: Vec<_> = (0..5).map(|i| corner(8 * i, 10.0 * i as f64)).collect();
     assert!(matches!(view(&diagonal), Err(Error::CornersDegenerate { got: 5, .. })));
+    // Of all but one on a line a family of homographies fits: its plane would be anywhere.
+    for lonely in [7, 20] {
+        let mut all_but_one: Vec<_> = (0..7).map(|i| corner(i, 10.0 * i as f64)).collect();
+        all_but_one.insert(0, corner(lonely, 3.0));
+        assert!(matches!(view(&all_but_one), Err(Error::CornersDegenerate { got: 8, .. })));
+        all_but_one.push(corner(30, 5.0));
+        assert!(view(&all_but_one).is_ok());
+    }
     // A picture that collapses to one pixel: an error of every estimator, no number that is not one.
     let scene = scene([0.0; 5], 0.0, 0.0);
     let flat = BoardView::complete(&board, &[Vector2::new(300.0, 200.0); 35]).unwrap();

@@ -265,6 +265,15 @@ fn wave(step: usize, interpolated: bool) -> Vec<u8> {
     bytes
 }
 
+/// Nothing can be told of lines of fewer than four pixels.
+#[test]
+fn pictures_of_a_few_pixels_have_a_step_of_colour() {
+    for (width, height) in [(1, 100), (2, 100), (3, 3), (100, 2), (1, 1)] {
+        let bytes = vec![90; 3 * width * height];
+        assert_eq!(chroma_step(&Picture::new(&bytes, width, height, (1, 1)).unwrap()), (1, 1));
+    }
+}
+
 #[test]
 fn a_picture_tells_which_of_its_pixels_share_a_colour() {
     let told = |bytes: &[u8]| chroma_step(&Picture::new(bytes, 120, 80, (1, 1)).unwrap());

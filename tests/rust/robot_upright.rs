@@ -90,3 +90,24 @@ fn a_mounting_is_taken_out_and_nothing_else() {
     let mirrored = nearest(&Matrix3::from_diagonal(&Vector3::new(3.0, 2.0, -1.0))).unwrap();
     assert_relative_eq!(mirrored, Matrix3::identity(), epsilon = 1e-14);
 }
+
+/// A lift that errs by 0.3 m turns nothing; two errors of one joint add up; numbers that are none are refused.
+#[test]
+fn a_sliding_joint_turns_nothing_and_errors_of_one_joint_add_up() {
+    let urdf = r#"<robot name="lift"><link name="base"/><link name="top"/><link name="arm"/>
+      <joint name="up" type="prismatic"><parent link="base"/><child link="top"/><axis xyz="1 0 0"/><limit lower="0" upper="1" effort="1" velocity="1"/></joint>
+      <joint name="turn" type="continuous"><parent link="top"/><child link="arm"/><axis xyz="0 1 0"/></joint></robot>"#;
+    let robot = Robot::from_urdf_str(urdf).unwrap();
+    let error = |name: &str, by: f64| JointErrors {
+        joint: robot.joint_index(name).unwrap(),
+        turn_rad: vec![by],
+        bend_rad: vec![Vector3::zeros()],
+    };
+    let link = robot.link_index("arm").unwrap();
+    let up = |errors: &[JointErrors]| robot.up_in_link(&[0.2, 0.1], 0, link, &GRAVITY, errors);
+    assert_eq!(up(&[error("up", 0.3)]).unwrap(), up(&[]).unwrap());
+    let (twice, once) =
+        (up(&[error("turn", 0.1), error("turn", 0.2)]).unwrap(), up(&[error("turn", 0.3)]).unwrap());
+    assert_relative_eq!(twice[0], once[0], epsilon = 1e-12);
+    assert!(up(&[error("turn", f64::NAN)]).is_err());
+}

@@ -268,3 +268,18 @@ proptest! {
         read_and_move(&words.concat());
     }
 }
+
+/// A joint that is locked elsewhere than at 0 stays there; 0 to 0 is how a missing range reads.
+#[test]
+fn a_range_of_one_position_holds_the_joint() {
+    let limits = |range: &str| {
+        let limit = format!("<limit {range} effort=\"1\" velocity=\"1\"/>");
+        let robot =
+            Robot::from_urdf_str(&format!("<robot name=\"r\">{}</robot>", tree(&limit, &limit))).unwrap();
+        robot.joints()[robot.joint_index("j1").unwrap()].limits.map(|l| (l.lower, l.upper))
+    };
+    assert_eq!(limits("lower=\"0.5\" upper=\"0.5\""), Some((0.5, 0.5)));
+    assert_eq!(limits("lower=\"0\" upper=\"0\""), None);
+    let endless = r#"<limit lower="inf" upper="inf" effort="1" velocity="1"/>"#;
+    assert!(matches!(fault(&tree(endless, "")), ModelFault::Number { quantity: "its range", .. }));
+}

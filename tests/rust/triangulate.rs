@@ -4,7 +4,7 @@ use crate::mirror::{pixels, scene};
 use crate::traced::{Glass, noisy};
 use approx::assert_relative_eq;
 use mirror_core::camera::{Camera, Distortion};
-use mirror_core::geometry::{Ray, rotation};
+use mirror_core::geometry::{Ray, Reflection, rotation};
 use mirror_core::mirror::*;
 use mirror_core::triangulate::*;
 use mirror_core::{Cancel, Error};
@@ -204,6 +204,33 @@ fn points_behind_the_mirror_are_refused() {
     for way in Triangulator::ALL {
         let got = triangulated(way, &scene.rig, &behind, &TriangulationOptions::default());
         assert!(matches!(got, Err(Error::WrongSide { place: "behind the mirror", .. })), "{way:?}: {got:?}");
+    }
+    // So are they in bulk: the board's origin and its reflections make the same planes.
+    let board = Point3::new(0.0, 0.05, 0.0);
+    let reflected = |k: usize| {
+        let plane = &behind.mirrors[k].plane;
+        Reflection::across(*plane).point(&board)
+    };
+    let (a, b) = (reflected(0), reflected(1));
+    let boards = [[a.x, a.y, a.z, b.x, b.y, b.z]];
+    let pixels = [[behind.pixels[0].x, behind.pixels[0].y, behind.pixels[1].x, behind.pixels[1].y]];
+    let batch =
+        point_pair_markers(&scene.rig.camera, &board, &boards, &pixels, 0.01, &Cancel::default()).unwrap();
+    assert!(
+        matches!(batch.refused[0].error, Error::WrongSide { place: "behind the mirror", .. }),
+        "{batch:?}"
+    );
+}
+
+#[test]
+fn lines_cross_by_a_right_angle_at_most() {
+    let camera =
+        Camera::new((800, 600), Vector2::new(693.0, 693.0), Vector2::new(400.0, 300.0), Distortion::None)
+            .unwrap();
+    let markers = |least| point_pair_markers(&camera, &Point3::origin(), &[], &[], least, &Cancel::default());
+    assert!(markers(1.5).is_ok());
+    for least in [1.6, 0.0, -0.1, f64::NAN] {
+        assert!(markers(least).is_err(), "{least}");
     }
 }
 

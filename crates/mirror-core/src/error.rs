@@ -216,6 +216,18 @@ pub enum Error {
     },
 }
 
+impl Error {
+    /// The same of the caller's rows: `rows[k]` is the row that was given as view k.
+    pub fn of_rows(self, rows: &[usize]) -> Self {
+        match self {
+            Self::InView { view, source } => {
+                Self::InView { view: rows.get(view).copied().unwrap_or(view), source }
+            }
+            other => other,
+        }
+    }
+}
+
 /// The crate's result.
 pub type Result<T> = core::result::Result<T, Error>;
 

@@ -4,7 +4,7 @@ use crate::arrays::{
     Array2Like, ArrayDynLike, isometry, pose_covariance, reshaped, row_major, shape_error, stacked,
 };
 use crate::camera::PyCamera;
-use crate::errors::to_py;
+use crate::errors::{MirrorPostureError, to_py};
 use crate::mirror::Reasons;
 use crate::work::Work;
 use mirror_core::calibrate::{
@@ -189,9 +189,12 @@ pub fn calibrate_mirror_views(
             }
         }
     }
+    if let (true, Some((row, reason))) = (views.is_empty(), unread.iter().next()) {
+        return Err(MirrorPostureError::new_err(format!("view {row}: {reason}")));
+    }
     let inner = py
         .work_until(&cancel, || calibrate_from_mirror_views(camera, &board, &views, &options))?
-        .map_err(to_py)?;
+        .map_err(|error| to_py(error.of_rows(&rows)))?;
     Ok(PyCameraBoardCalibration { inner, rows, unread })
 }
 

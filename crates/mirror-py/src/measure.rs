@@ -271,7 +271,7 @@ impl MeasureInput {
                     (Some(at), Some(covariance)) => {
                         out.put_marker(point.posture, point.marker, &at.coords, &covariance);
                     }
-                    _ => out.put_reason(point.posture, point.marker, why_not(point.status)),
+                    _ => out.put_reason(point.posture, point.marker, why_not(point.status, &self.rows)),
                 }
             }
             out.camera_from_nominal_camera = done.camera_from_nominal_camera;
@@ -280,12 +280,19 @@ impl MeasureInput {
             out.degrees_of_freedom = Some(done.degrees_of_freedom);
             Ok::<_, Error>(out)
         })?
-        .map_err(to_py)
+        .map_err(|error| to_py(error.of_rows(&self.rows)))
     }
 }
 
-fn why_not(status: PointStatus) -> String {
+/// `rows`: of the frames that were given to the core.
+fn why_not(status: PointStatus, rows: &[usize]) -> String {
     match status {
+        PointStatus::NoRay { frame } => {
+            let row = rows.get(frame).copied().unwrap_or(frame);
+            format!(
+                "its pixel in frame {row} has no ray: beyond where the lens model can be inverted, or beside the mirror"
+            )
+        }
         PointStatus::Measured => "no position".to_owned(),
         PointStatus::TooFewViews { views } => format!("rays: got {views}, needed 2"),
         PointStatus::TooLittleParallax { got_rad, needed_rad } => {

@@ -276,13 +276,15 @@ fn circle_of(row: numpy::ndarray::ArrayView1<'_, f64>) -> Circle {
 /// A circle through points `(N, 2)` by consensus: (u, v, radius), px, or None.
 #[pyfunction]
 pub fn fit_circle_by_consensus(
+    py: Python<'_>,
     points_px: Array2Like<'_>,
     min_radius_px: f64,
     max_radius_px: f64,
     tolerance_px: f64,
 ) -> PyResult<Option<(f64, f64, f64)>> {
     let points = pairs("points_px", &points_px)?;
-    Ok(fit_circle(&points, min_radius_px, max_radius_px, tolerance_px)
+    Ok(py
+        .detach(|| fit_circle(&points, min_radius_px, max_radius_px, tolerance_px))
         .map(|c| (c.center_px.x, c.center_px.y, c.radius_px)))
 }
 

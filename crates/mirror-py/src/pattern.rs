@@ -38,6 +38,9 @@ pub fn levels_without_ghost<'py>(
     let shape = light[0].shape();
     let width = shape[1];
     let fits = shape[2] == 3 && left <= right && right <= shape[1] && top <= bottom && bottom <= shape[0];
+    if levels.len() == 0 {
+        return Err(MirrorPostureError::new_err("levels: got none, needed at least one"));
+    }
     if !fits || light.iter().any(|one| one.shape() != shape) {
         return Err(shape_error("light", light[1].shape(), "three of (H, W, 3) that hold the part"));
     }
@@ -48,11 +51,14 @@ pub fn levels_without_ghost<'py>(
     let [Ok(own), Ok(once), Ok(twice)] = light else {
         return Err(MirrorPostureError::new_err("light: needed arrays in C order"));
     };
-    let mut result = Vec::with_capacity((right - left) * (bottom - top) * 3);
-    for row in top..bottom {
-        let line = 3 * (row * width + left)..3 * (row * width + right);
-        let three = [own, once, twice].map(|values| &values[line.clone()]);
-        without_ghost(three, ratio as f32, (1.0 + ratio) as f32, levels, &mut result);
-    }
+    let result = py.work(|| {
+        let mut result = Vec::with_capacity((right - left) * (bottom - top) * 3);
+        for row in top..bottom {
+            let line = 3 * (row * width + left)..3 * (row * width + right);
+            let three = [own, once, twice].map(|values| &values[line.clone()]);
+            without_ghost(three, ratio as f32, (1.0 + ratio) as f32, levels, &mut result);
+        }
+        result
+    });
     PyArray1::from_vec(py, result).reshape([bottom - top, right - left, 3])
 }

@@ -14,7 +14,7 @@ use nalgebra::{Isometry3, Vector2, Vector3};
 use numpy::{PyArray2, PyArray3, PyArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use std::collections::{BTreeMap, HashMap};
+use std::collections::{BTreeMap, BTreeSet, HashMap};
 
 /// White border around the printed squares, m: as wide as the embedded robot's placard allows.
 const BOARD_BORDER_M: f64 = 0.006;
@@ -232,7 +232,13 @@ impl PictureMaker {
             poses.get(link).copied().ok_or_else(|| mirror_core::Error::UnknownName {
                 what: "link without a pose",
                 got: link.to_owned(),
-                valid: poses.keys().cloned().collect::<Vec<_>>().join(", "),
+                valid: poses
+                    .keys()
+                    .cloned()
+                    .collect::<BTreeSet<_>>()
+                    .into_iter()
+                    .collect::<Vec<_>>()
+                    .join(", "),
             })
         };
         let root_from_camera = pose(&self.camera_link)?;

@@ -10,7 +10,7 @@ import numpy as np
 from .._core import MirrorPostureError
 from ..input_files import LARGEST_TABLE, given_text
 from ..session.errors import SessionError, choices
-from ..session.tables import Table, open_table
+from ..session.tables import LARGEST_NUMBER, Table, open_table
 from .recording import JointLog
 
 TIME, MEASURED = "time_s", "measured:"
@@ -53,7 +53,9 @@ def joint_csv(file: Path, degrees: bool, time: str = TIME) -> JointLog:
         measured = factor * np.stack([table.numbers(MEASURED + name) for name in names], axis=1)
     else:
         others += told
-    seconds = SECONDS[unit or "s"] * table.numbers(column)
+    # The limit is one of seconds: a Unix time in ns is 1.8e18. The origin stays, as pictures may be named by the same clock.
+    second = SECONDS[unit or "s"]
+    seconds = second * table.numbers(column, LARGEST_NUMBER / second)
     return JointLog(seconds, names, position, measured, commanded=True, others=others, source=file.name)
 
 

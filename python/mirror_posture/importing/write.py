@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import hashlib
 import math
-from collections.abc import Mapping
+import os
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -13,6 +15,7 @@ import pyarrow as pa
 
 from .._core import MirrorPostureError
 from ..arrays import Floats
+from ..input_files import LARGEST_TABLE, read_regular
 from ..output_files import keep_files, new_folder
 from ..picture_files import encoded_picture
 from ..robot import Robot
@@ -33,8 +36,8 @@ LEAST_TURN = math.radians(3.0)
 """A log in which no joint turns as far, taken for degrees, may be in rad: 3° are 172° there, more than most joints' whole range."""
 BEGAN_WITHIN_S = 30.0
 TABLES = ("frames.csv", "frames.parquet", "detections.csv", "detections.parquet")
-PICTURES = "images/[0-9][0-9][0-9][0-9].png"
-"""Of an earlier import, as the tables are."""
+MADE = "images/imported.sha256"
+"""Hashes and names of the pictures that an import made, as `sha256sum` writes them: all others are somebody's originals."""
 
 
 @dataclass(frozen=True)
@@ -69,7 +72,8 @@ def import_recording(
     `degrees` says that the recording was read as degrees, except for prismatic joints.
 
     Raises:
-        MirrorPostureError: no session there, existing frames, no joint of the robot in the recording, no rest, or none with a picture.
+        MirrorPostureError: no session there, existing frames, pictures there that no import made, no joint of the robot in the
+            recording, no rest, or none with a picture.
     """
     metadata = load_metadata(folder)
     robot = Robot.from_urdf(folder / metadata.robot)
@@ -77,6 +81,11 @@ def import_recording(
     if there and not overwrite:
         raise MirrorPostureError(
             f"{folder}: has frames or detections already; add --overwrite to replace them"
+        )
+    if Path(recording.source).resolve().is_relative_to((folder / "images").resolve()):
+        raise MirrorPostureError(
+            f"{recording.source}: lies in the session's images/, where the import writes its own pictures; needed a recording elsewhere: "
+            "move it out of there"
         )
     log, warnings = recording.joints, []
     wanted = dict(joint_names or {})
@@ -127,7 +136,14 @@ def import_recording(
             f"{recording.source}: no moment of {least_s:g} s in which all joints rest within {tolerance:g} rad; hold each "
             "posture longer, or change --rest-s and --tolerance"
         )
-    picture_s, motion = picture_motion(recording.pictures())
+    sharp: list[float] = []
+
+    def judged() -> Iterator[tuple[float, Picture]]:
+        for time, picture in recording.pictures():
+            sharp.append(sharpness(picture))
+            yield time, picture
+
+    picture_s, motion = picture_motion(judged())
     if not len(picture_s):
         raise MirrorPostureError(f"{recording.source}: holds no pictures")
     clock = (
@@ -148,7 +164,7 @@ def import_recording(
                 f"the pictures' movement does not show the clocks' offset (correlation {clock.match:.2f}): taken as 0; give --offset-s"
             )
     warnings += _beyond_log(log, picture_s, offset_s, least_s)
-    chosen = _choose(recording, rests, picture_s, offset_s)
+    chosen = _choose(rests, picture_s, sharp, offset_s)
     if not chosen:
         raise MirrorPostureError(
             f"{recording.source}: no picture lies in a moment of rest (pictures {picture_s[0]:g} to {picture_s[-1]:g} s, joints "
@@ -161,15 +177,49 @@ def import_recording(
         )
     if len(chosen) < len(rests):
         warnings.append(f"{len(rests) - len(chosen)} of {len(rests)} moments of rest have no picture")
+    earlier = _made_by_import(folder)
+    _refuse_replacing(folder, len(chosen), earlier, overwrite)
     # In one step, because frames of one recording with pictures of another would look valid.
     with new_folder(folder) as part:
         camera = None if recording.camera is None else metadata.camera or "camera.yaml"
-        pictures = (PICTURES,) if there else tuple(map(_picture_name, range(len(chosen))))
-        keep_files(folder, part, (*TABLES, *pictures, *(() if camera is None else (camera,))))
-        _write(recording, part, kept, rests, chosen)
+        keep_files(folder, part, (*TABLES, *earlier, MADE, *(() if camera is None else (camera,))))
+        _write(recording, part, kept, [rests[index] for index in chosen], list(chosen.values()), offset_s)
         if recording.camera is not None and camera is not None:
             (part / camera).write_text(dump_camera_info(recording.camera), encoding="utf-8")
     return Imported(len(chosen), len(rests), clock, offset_s, tuple(warnings))
+
+
+def _made_by_import(folder: Path) -> list[str]:
+    """The pictures of an earlier import, as it made them: one that was changed or replaced since is somebody's."""
+    try:
+        lines = set(read_regular(folder / MADE, LARGEST_TABLE).decode().splitlines())
+    except (OSError, ValueError):
+        return []
+    return [
+        name
+        for name in map(_picture_name, range(len(lines)))
+        if (folder / name).is_file() and _made_line(name, (folder / name).read_bytes()) in lines
+    ]
+
+
+def _made_line(name: str, data: bytes) -> str:
+    # Relative to images/, where `sha256sum --check imported.sha256` is run.
+    return f"{hashlib.sha256(data).hexdigest()}  {Path(name).name}"
+
+
+def _refuse_replacing(folder: Path, count: int, earlier: Collection[str], overwrite: bool) -> None:
+    """Refuses to replace pictures that were there before, other than those of an earlier import with --overwrite."""
+    for name in map(_picture_name, range(count)):
+        if not os.path.lexists(folder / name) or (overwrite and name in earlier):
+            continue
+        if name in earlier:
+            raise MirrorPostureError(
+                f"{folder / name}: is there already, from an earlier import; add --overwrite to replace it"
+            )
+        raise MirrorPostureError(
+            f"{folder / name}: is there already, and is not in {MADE}, the list of pictures that an import made; this import would "
+            "replace it: move it out of images/ (or delete it)"
+        )
 
 
 def _refuse_other_case(log: JointLog, columns: list[tuple[int, str]], robot: Robot) -> None:
@@ -241,10 +291,8 @@ def match_begins(log: JointLog, picture_s: Floats, motion: Floats) -> ClockMatch
     return ClockMatch(shift + found.offset_s, found.match)
 
 
-def _choose(
-    recording: Recording, rests: list[Rest], picture_s: Floats, offset_s: float
-) -> dict[int, tuple[float, Picture]]:
-    """The sharpest picture of each rest that has one: rest to time of the picture and picture."""
+def _choose(rests: list[Rest], picture_s: Floats, sharp: list[float], offset_s: float) -> dict[int, int]:
+    """The sharpest picture of each rest that has one: rest to number of the picture."""
     inner = [
         (
             rest.start_s + MARGIN * (rest.end_s - rest.start_s),
@@ -253,16 +301,14 @@ def _choose(
         for rest in rests
     ]
     starts = np.array([start for start, _ in inner])
-    best: dict[int, tuple[float, float, Picture]] = {}
-    for time, picture in recording.pictures():
-        at = time - offset_s
+    best: dict[int, int] = {}
+    for number, at in enumerate(picture_s - offset_s):
         index = int(np.searchsorted(starts, at, side="right")) - 1
         if index < 0 or at > inner[index][1]:
             continue
-        sharp = sharpness(picture)
-        if index not in best or sharp > best[index][0]:
-            best[index] = (sharp, at, picture)
-    return {index: (at, picture) for index, (_, at, picture) in sorted(best.items())}
+        if index not in best or sharp[number] > sharp[best[index]]:
+            best[index] = number
+    return dict(sorted(best.items()))
 
 
 def sharpness(picture: Picture) -> float:
@@ -283,25 +329,36 @@ def _write(
     folder: Path,
     kept: list[tuple[int, str]],
     rests: list[Rest],
-    chosen: dict[int, tuple[float, Picture]],
+    chosen: list[int],
+    offset_s: float,
 ) -> None:
+    """One frame for each rest, with the picture of the number that was chosen for it."""
     log = recording.joints
-    images = folder / "images"
-    images.mkdir(exist_ok=True)
-    names, commanded, measured = [], [], []
-    for number, (index, (_, picture)) in enumerate(chosen.items()):
-        inside = (log.time_s >= rests[index].start_s) & (log.time_s <= rests[index].end_s)
+    (folder / "images").mkdir(exist_ok=True)
+    commanded, measured = [], []
+    for rest in rests:
+        inside = (log.time_s >= rest.start_s) & (log.time_s <= rest.end_s)
         commanded.append(np.median(log.position[inside], axis=0))
         if log.measured is not None:
             measured.append(np.median(log.measured[inside], axis=0))
-        names.append(_picture_name(number))
-        (folder / names[-1]).write_bytes(encoded_picture(picture, names[-1]))
+    frame_of = {number: frame for frame, number in enumerate(chosen)}
+    time_s, made = np.zeros(len(chosen)), [""] * len(chosen)
+    # Pictures are read again, one at a time: all of them together can be larger than the memory.
+    for number, (time, picture) in enumerate(recording.pictures()):
+        frame = frame_of.get(number)
+        if frame is None:
+            continue
+        name = _picture_name(frame)
+        data = encoded_picture(picture, name)
+        (folder / name).write_bytes(data)
+        time_s[frame], made[frame] = time - offset_s, _made_line(name, data)
+    (folder / MADE).write_text("".join(f"{line}\n" for line in made), encoding="utf-8")
     order = np.arange(len(chosen))
     columns = {
         "frame": order,
         "posture": order,
-        "time_s": np.array([at for at, _ in chosen.values()]),
-        "image": pa.array(names, pa.string()),
+        "time_s": time_s,
+        "image": pa.array(map(_picture_name, range(len(chosen))), pa.string()),
         **{name: np.array(commanded)[:, index] for index, name in kept},
     }
     if measured:

@@ -100,7 +100,8 @@ def create_session(
     unusual = check_camera(camera, "camera.yaml")
     meshes: dict[str, Triangles] = {}
     if root == "mujoco":
-        text, meshes = urdf_from_mjcf(robot_file)
+        text, meshes, left_out = urdf_from_mjcf(robot_file)
+        unusual += left_out
     elif is_xacro(text):
         text = XacroTree(robot_file, xacro_arguments, packages).expand({})
     bare = Robot.from_urdf_text(text)

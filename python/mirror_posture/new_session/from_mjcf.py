@@ -18,11 +18,12 @@ from .mjcf_shapes import MjcfShapes, origin_text, rotation_of_quaternion
 MASSLESS = "_before_"
 
 
-def urdf_from_mjcf(file: Path) -> tuple[str, dict[str, Triangles]]:
-    """The URDF of a robot that an MJCF describes, and its meshes by file name; joint values mean the same in both.
+def urdf_from_mjcf(file: Path) -> tuple[str, dict[str, Triangles], list[str]]:
+    """The URDF of a robot that an MJCF describes, its meshes by file name, and warnings of what was left out.
 
-    Bodies become links of their names. Of several joints of a body, and of a joint that is off its body's origin, links
-    without mass come in between. A free joint at the root fixes the root where the file puts it.
+    Joint values mean the same in both. Bodies become links of their names. Of several joints of a body, and of a joint that
+    is off its body's origin, links without mass come in between. A free joint at the root fixes the root where the file puts
+    it. A linear coupling of two joints becomes `<mimic>`; other equalities are told in the warnings.
 
     Raises:
         MirrorPostureError: MuJoCo is missing or cannot load the file; a ball joint, a nameless joint, two roots.
@@ -38,6 +39,7 @@ def urdf_from_mjcf(file: Path) -> tuple[str, dict[str, Triangles]]:
     except ValueError as error:
         raise MirrorPostureError(f"{file}: MuJoCo cannot load it: {' '.join(str(error).split())}") from None
     shapes = MjcfShapes(model)
+    mimics, warnings = _couplings(model)
     lines = [
         '<?xml version="1.0"?>',
         f"<robot name={quoteattr(file.stem)}>",
@@ -79,10 +81,56 @@ def urdf_from_mjcf(file: Path) -> tuple[str, dict[str, Triangles]]:
                 if bool(model.jnt_limited[identity])
                 else (-math.inf, math.inf)
             )
-            lines.append(_moving(joint.name, hinge, parent, child, carried @ before, joint.axis, limits))
+            lines.append(
+                _moving(
+                    joint.name,
+                    hinge,
+                    parent,
+                    child,
+                    carried @ before,
+                    joint.axis,
+                    limits,
+                    mimics.get(joint.name, ""),
+                )
+            )
             parent, carried = child, back
         lines.append(_fixed(f"{names[index]}_fixed", parent, names[index], carried))
-    return "\n".join([*lines, "</robot>", ""]), shapes.meshes
+    return "\n".join([*lines, "</robot>", ""]), shapes.meshes, warnings
+
+
+def _couplings(model: Any) -> tuple[dict[str, str], list[str]]:
+    """`<mimic>` by joint, and a warning for each active equality that a URDF cannot hold."""
+    import mujoco
+
+    mimics: dict[str, str] = {}
+    leaders: dict[str, str] = {}
+    warnings = []
+    for index in range(model.neq):
+        if not model.eq_active0[index]:
+            continue
+        kind = mujoco.mjtEq(int(model.eq_type[index]))
+        leader_id = int(model.eq_obj2id[index])
+        if kind == mujoco.mjtEq.mjEQ_JOINT and leader_id >= 0:
+            leader, follower = model.joint(leader_id), model.joint(int(model.eq_obj1id[index]))
+            offset, factor, *higher = (float(value) for value in model.eq_data[index][:5])
+            # No joint has two leaders, and none follows itself by others.
+            end = leader.name
+            while end in leaders:
+                end = leaders[end]
+            if factor and not any(higher) and follower.name not in (end, *leaders):
+                # MuJoCo couples the distances from qpos0, a URDF the positions.
+                offset += float(follower.qpos0[0]) - factor * float(leader.qpos0[0])
+                leaders[follower.name] = leader.name
+                mimics[follower.name] = (
+                    f'<mimic joint={quoteattr(leader.name)} multiplier="{factor:.12g}" offset="{offset:.12g}"/>'
+                )
+                continue
+        name = model.equality(index).name or str(index)
+        warnings.append(
+            f"equality {name} ({kind.name.removeprefix('mjEQ_').lower()}) is left out: a URDF holds linear couplings of two joints only; "
+            "the joints that it holds together move freely in the session's robot"
+        )
+    return mimics, warnings
 
 
 def _name(given: str, default: str) -> str:
@@ -121,7 +169,14 @@ def _fixed(name: str, parent: str, child: str, pose: Any) -> str:
 
 
 def _moving(
-    name: str, hinge: bool, parent: str, child: str, pose: Any, axis: Any, limits: tuple[float, ...]
+    name: str,
+    hinge: bool,
+    parent: str,
+    child: str,
+    pose: Any,
+    axis: Any,
+    limits: tuple[float, ...],
+    mimic: str,
 ) -> str:
     bounded = math.isfinite(limits[0])
     kind = ("revolute" if bounded else "continuous") if hinge else "prismatic"
@@ -131,5 +186,5 @@ def _moving(
     return (
         f'  <joint name={quoteattr(name)} type="{kind}"><parent link={quoteattr(parent)}/>'
         f"<child link={quoteattr(child)}/>{origin_text(pose)}"
-        f'<axis xyz="{" ".join(f"{v:.12g}" for v in axis)}"/>{told}</joint>'
+        f'<axis xyz="{" ".join(f"{v:.12g}" for v in axis)}"/>{told}{mimic}</joint>'
     )

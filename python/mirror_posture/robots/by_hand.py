@@ -78,6 +78,7 @@ class ByHandRobot(RobotBase):
                 f"{self.folder}: is no folder; make it, and save the robot's pictures there"
             )
         self._view = View()
+        self._view_told = False
         self._last: dict[str, float] | None = None
         self._known = self._stamps()
 
@@ -89,7 +90,8 @@ class ByHandRobot(RobotBase):
     def turn(self, view: View) -> None:
         """Prints how to turn the stand, and returns at once: the next picture shows it."""
         self._check_open()
-        self._view = view
+        self._tell_posture()
+        self._view, self._view_told = view, True
         side = "right" if view.yaw_rad >= 0.0 else "left"
         lean = "towards" if view.pitch_rad >= 0.0 else "away from"
         self._say(
@@ -121,7 +123,15 @@ class ByHandRobot(RobotBase):
             return f"{1000.0 * position:+9.3f} mm"
         return f"{math.degrees(position):+9.3f}°  {position:+.5f} rad"
 
+    def _tell_posture(self) -> None:
+        # Nobody knows where the robot stands before the first line says it: a posture of zeros is told as well.
+        if self._last is None:
+            self._move(dict(self.commanded))
+
     def _look(self) -> Look:
+        self._tell_posture()
+        if not self._view_told:
+            self.turn(self._view)
         self._say(f"LOOK   when it stands still, save a picture in {self.folder}")
         file, picture = self._wait()
         self._say(f"       took {file.name}")

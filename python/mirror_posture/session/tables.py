@@ -67,12 +67,12 @@ class Table(ShortRepr):
         columns = {name: array.filter(mask) for name, array in self.columns.items()}
         return Table(self.name, columns, int(kept.sum()))
 
-    def numbers(self, column: str) -> Floats:
-        """A column as finite doubles."""
+    def numbers(self, column: str, largest: float = LARGEST_NUMBER) -> Floats:
+        """A column as finite doubles of at most this size."""
         values = self._cast(column, pa.float64(), "a finite number")
-        bad = np.flatnonzero(~(np.abs(values) <= LARGEST_NUMBER))
+        bad = np.flatnonzero(~(np.abs(values) <= largest))
         if len(bad):
-            raise self._bad_cell(column, int(bad[0]), f"a finite number of at most {LARGEST_NUMBER:g}")
+            raise self._bad_cell(column, int(bad[0]), f"a finite number of at most {largest:g}")
         return values
 
     def numbers_in(self, column: str, rows: Integers) -> Floats:

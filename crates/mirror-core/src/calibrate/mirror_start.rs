@@ -131,20 +131,29 @@ fn possible(pose: &PlanarPose) -> Vec<Reflected> {
     all
 }
 
+/// The three rising numbers below `count` of a rank in lexicographic order.
+fn triple(mut rank: usize, count: usize) -> [usize; 3] {
+    let pairs = |of: usize| of * of.saturating_sub(1) / 2;
+    let mut i = 0;
+    while rank >= pairs(count - i - 1) {
+        rank -= pairs(count - i - 1);
+        i += 1;
+    }
+    let mut j = i + 1;
+    while rank >= count - j - 1 {
+        rank -= count - j - 1;
+        j += 1;
+    }
+    [i, j, j + 1 + rank]
+}
+
 /// Candidates from triples of views, every combination of their possible poses.
 fn transforms_by_triples(possible: &[Vec<Reflected>]) -> Vec<Isometry3<f64>> {
     let count = possible.len();
-    let mut triples = Vec::new();
-    for i in 0..count {
-        for j in i + 1..count {
-            for k in j + 1..count {
-                triples.push([i, j, k]);
-            }
-        }
-    }
-    let stride = triples.len().div_ceil(MOST_TRIPLES).max(1);
+    let total = count * count.saturating_sub(1) / 2 * count.saturating_sub(2) / 3;
+    let stride = total.div_ceil(MOST_TRIPLES).max(1);
     let mut found = Vec::new();
-    for [i, j, k] in triples.into_iter().step_by(stride) {
+    for [i, j, k] in (0..total).step_by(stride).map(|rank| triple(rank, count)) {
         for a in &possible[i] {
             for b in &possible[j] {
                 for c in &possible[k] {
@@ -198,4 +207,25 @@ pub(super) fn closed_form(
         .filter(|(score, _)| *score < JUDGE_CAP_PX * JUDGE_CAP_PX)
         .map(|(_, candidate)| *candidate)
         .ok_or(Error::Undetermined { what: "camera-board transform from mirror views" })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn triples_are_counted_in_lexicographic_order() {
+        for count in 3..8 {
+            let mut rank = 0;
+            for i in 0..count {
+                for j in i + 1..count {
+                    for k in j + 1..count {
+                        assert_eq!(triple(rank, count), [i, j, k]);
+                        rank += 1;
+                    }
+                }
+            }
+        }
+        assert_eq!(triple(2000 * 1999 / 2 * 1998 / 3 - 1, 2000), [1997, 1998, 1999]);
+    }
 }

@@ -151,8 +151,8 @@ pub fn calibrate_from_mirror_views(
             Err(reason) => refused.push(RefusedView { view: index, reason: reason.clone() }),
         }
     }
-    if options.prior.is_none()
-        && used.len() < FEWEST_VIEWS
+    let fewest = if options.prior.is_none() { FEWEST_VIEWS } else { 1 };
+    if used.len() < fewest
         && let Some(first) = refused.first()
     {
         // Too few are left because some were refused: the error says why.

@@ -199,5 +199,6 @@ fn one_to_one_limit(k: &[f64; COEFFICIENTS]) -> f64 {
             return inside * inside;
         }
     }
-    f64::INFINITY
+    // Farther out nothing is known, except of a lens without distortion.
+    if k.iter().all(|k| *k == 0.0) { f64::INFINITY } else { WIDEST_TANGENT * WIDEST_TANGENT }
 }

@@ -138,7 +138,8 @@ impl Camera {
         }
         let normalised = Vector2::new(point.x / point.z, point.y / point.z);
         // Written so that NaN fails the test.
-        if !(normalised.norm_squared() <= self.lens.one_to_one_limit) {
+        let squared = normalised.norm_squared();
+        if !(squared.is_finite() && squared <= self.lens.one_to_one_limit) {
             return refuse("needed a point inside the angle within which the lens model is one-to-one");
         }
         Ok(normalised)

@@ -62,6 +62,12 @@ impl Law {
             + side * self.half_play
     }
 
+    /// By how much at most the error changes with the commands, per change of these.
+    fn shares(&self) -> f64 {
+        let coupled: f64 = self.coupled.iter().map(|(_, share)| share.abs()).sum();
+        self.share.abs() + self.sine.abs() + self.cosine.abs() + coupled
+    }
+
     fn add(&mut self, error: &JointError) -> Result<()> {
         match error.term {
             JointTerm::Offset => self.offset += error.value,
@@ -69,8 +75,8 @@ impl Law {
             JointTerm::Sine => self.sine += small(error)?,
             JointTerm::CosineLessOne => self.cosine += small(error)?,
             JointTerm::Compliance => self.compliance += error.value,
-            JointTerm::Play => self.half_play += error.value / 2.0,
-            JointTerm::DeadBand => self.half_play += error.value,
+            JointTerm::Play => self.half_play += width(error)? / 2.0,
+            JointTerm::DeadBand => self.half_play += width(error)?,
             JointTerm::Coupling => {
                 let driver = error.driver.ok_or_else(|| Error::UnknownName {
                     what: "driver of a coupled joint",
@@ -119,8 +125,8 @@ impl FeedForward {
     /// From the known errors of a robot's joints. `held_link` stands still, gravity is in its frame, m/s².
     ///
     /// # Errors
-    /// A position or link that the robot does not have, a number that is not finite, a share of 0.5 and more, a
-    /// coupling without its driver, a term that grows with time.
+    /// A position or link that the robot does not have, a number that is not finite, a share of 0.5 and more or shares of 1 and more
+    /// together, a negative width, a coupling without its driver, a term that grows with time.
     pub fn new(
         robot: Arc<Robot>,
         held_link: usize,
@@ -145,6 +151,17 @@ impl FeedForward {
                 laws.len() - 1
             });
             laws[at].add(error)?;
+        }
+        // Below 1 the iteration contracts, whatever the couplings' chain.
+        if let Some(law) = laws.iter().find(|law| law.shares() >= 1.0) {
+            return Err(Error::OutOfRange {
+                what: format!(
+                    "errors of the joint at position {} together, as a share of its motion",
+                    law.position
+                ),
+                got: law.shares(),
+                needed: "less than 1: what is larger is no small error that a command can mend".into(),
+            });
         }
         Ok(Self { robot, held_link, gravity_in_held_link_m_per_s2, laws })
     }
@@ -183,7 +200,7 @@ impl FeedForward {
         for ((command, way_point), (wanted, torque)) in
             rows.zip(wanted.chunks_exact(count).zip(torques.chunks_exact(count)))
         {
-            self.solve(wanted, torque, command);
+            self.solve(wanted, torque, command)?;
             way_point.copy_from_slice(command);
             for law in self.laws.iter().filter(|law| law.half_play > 0.0) {
                 let p = law.position;
@@ -194,9 +211,10 @@ impl FeedForward {
         Ok(())
     }
 
-    fn solve(&self, wanted: &[f64], torque: &[f64], command: &mut [f64]) {
+    fn solve(&self, wanted: &[f64], torque: &[f64], command: &mut [f64]) -> Result<()> {
+        let mut change = 0.0_f64;
         for _ in 0..ROUNDS {
-            let mut change = 0.0_f64;
+            change = 0.0;
             // Sequentially, so that a coupled joint sees its driver's command, not its wanted position.
             for law in &self.laws {
                 let p = law.position;
@@ -205,9 +223,15 @@ impl FeedForward {
                 command[p] = next;
             }
             if change < SETTLED_RAD {
-                return;
+                return Ok(());
             }
         }
+        Err(Error::NotConverged {
+            what: "feed-forward",
+            steps: ROUNDS,
+            last_step: change,
+            needed: SETTLED_RAD,
+        })
     }
 
     fn within(&self, position: usize, value: f64) -> f64 {
@@ -222,6 +246,18 @@ impl FeedForward {
 /// Side of its play on which the joint must rest: +1 if its load pushes it up; then it comes from above.
 fn side(torque: f64) -> f64 {
     if torque > 0.0 { 1.0 } else { -1.0 }
+}
+
+/// A width, which is not negative.
+fn width(error: &JointError) -> Result<f64> {
+    if error.value >= 0.0 {
+        return Ok(error.value);
+    }
+    Err(Error::OutOfRange {
+        what: format!("{} of a joint", error.term.name()),
+        got: error.value,
+        needed: "0 or above".into(),
+    })
 }
 
 fn small(error: &JointError) -> Result<f64> {

@@ -102,7 +102,10 @@ impl BoardPrior {
             Self::Exact => Ok(None),
             Self::Unknown => Ok(Some(Matrix6::zeros())),
             Self::Covariance(covariance) => {
-                let factor = covariance.cholesky().filter(|_| covariance.iter().all(|x| x.is_finite()));
+                let asymmetry = (covariance - covariance.transpose()).amax();
+                // (Cholesky's factor is of the lower triangle alone.) Written so that NaN fails.
+                let symmetric = asymmetry <= 1e-9 * covariance.amax() && covariance.amax().is_finite();
+                let factor = covariance.cholesky().filter(|_| symmetric);
                 factor.map(|f| Some(f.inverse())).ok_or_else(|| Error::OutOfRange {
                     what: "determinant of the prior covariance of the camera-board transform".into(),
                     got: covariance.determinant(),
@@ -132,6 +135,11 @@ pub enum PointStatus {
     },
     /// The rays meet where no marker can be: behind a mirror or behind the camera.
     WrongSide,
+    /// A pixel has no ray: beyond where the lens model can be inverted, or its ray misses the mirror.
+    NoRay {
+        /// The frame of that pixel, from 0.
+        frame: usize,
+    },
 }
 
 /// One marker of one posture, and who sees it.

@@ -82,17 +82,21 @@ pub(super) fn start(
             statuses.push(PointStatus::TooFewViews { views: point.views.len() });
             continue;
         }
-        let rays: Vec<Ray> = point
-            .views
-            .iter()
-            .map(|view| {
-                let direction = camera.unproject(&view.pixel)?;
-                match view.via {
-                    Via::Direct => Ok(Ray { origin: Point3::origin(), direction }),
-                    Via::Mirror => options.optics.virtual_ray(&planes[view.frame], &direction),
-                }
-            })
-            .collect::<Result<_>>()?;
+        let ray = |view: &PointView| -> Result<Ray> {
+            let direction = camera.unproject(&view.pixel)?;
+            match view.via {
+                Via::Direct => Ok(Ray { origin: Point3::origin(), direction }),
+                Via::Mirror => options.optics.virtual_ray(&planes[view.frame], &direction),
+            }
+        };
+        let rays = point.views.iter().map(|view| ray(view).map_err(|_| view.frame));
+        let rays: Vec<Ray> = match rays.collect::<core::result::Result<_, _>>() {
+            Ok(rays) => rays,
+            Err(frame) => {
+                statuses.push(PointStatus::NoRay { frame });
+                continue;
+            }
+        };
         let got_rad = widest_angle_rad(&rays);
         let needed_rad = options.least_parallax_rad;
         let Some(at) = nearest_point(&rays).filter(|_| got_rad >= needed_rad) else {

@@ -106,6 +106,21 @@ pub struct SeenCorner {
     pub pixel: Vector2<f64>,
 }
 
+/// Whether all corners but at most one lie on one line: then a whole family of homographies fits. Such a line passes through two of any
+/// three corners.
+fn all_but_one_on_a_line(corners: &[SeenCorner]) -> bool {
+    let [a, b, c, ..] = corners else { return true };
+    let is_line = |from: &SeenCorner, to: &SeenCorner| {
+        let along = to.point_in_board - from.point_in_board;
+        let beside = |corner: &&SeenCorner| {
+            let to_corner = corner.point_in_board - from.point_in_board;
+            along.perp(&to_corner).abs() > LINE_RATIO * along.norm() * to_corner.norm()
+        };
+        corners.iter().filter(beside).count() < 2
+    };
+    is_line(a, b) || is_line(a, c) || is_line(b, c)
+}
+
 /// The corners that one picture shows, checked once: of the board, finite, unique, at least four and not on one line.
 #[derive(Debug, Clone, PartialEq)]
 pub struct BoardView {
@@ -170,6 +185,9 @@ impl BoardView {
         // Determinant over squared trace: the ratio of the spreads, to first order.
         if xx * yy - xy * xy <= LINE_RATIO * (xx + yy) * (xx + yy) {
             return Err(Error::CornersDegenerate { got, arrangement: "corners on one line" });
+        }
+        if all_but_one_on_a_line(&corners) {
+            return Err(Error::CornersDegenerate { got, arrangement: "corners, all but one on one line" });
         }
         Ok(Self { corners })
     }

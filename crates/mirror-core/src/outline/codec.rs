@@ -112,7 +112,7 @@ impl Changes {
 
     /// Of a whole line.
     fn add_line(&mut self, values: &[f32]) {
-        let count = values.len().saturating_sub(3);
+        let Some(count) = values.len().checked_sub(3) else { return };
         let four: [&[f32]; 4] = core::array::from_fn(|i| &values[i..][..count]);
         self.add_telling(&four, |begin| begin % 2);
     }

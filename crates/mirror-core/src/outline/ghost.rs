@@ -76,7 +76,8 @@ pub fn pattern_ghost(view: &PatternView<'_>, models: &[&[f32]]) -> Result<Option
             });
         }
     }
-    if view.width <= 2 * view.reach || view.height <= 2 * view.reach || view.reach < 1 {
+    let around = view.reach.saturating_mul(2);
+    if view.width <= around || view.height <= around || view.reach < 1 {
         return Ok(None);
     }
     let kept = kept_pixels(view);

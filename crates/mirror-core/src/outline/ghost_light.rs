@@ -4,11 +4,12 @@
 /// lies, r its strength against the rest. `levels` are those of light in even steps from 0 to 1; light beyond has those of its ends.
 pub fn without_ghost(light: [&[f32]; 3], ratio: f32, brighter: f32, levels: &[u8], to: &mut Vec<u8>) {
     let [own, once, twice] = light;
-    let steps = levels.len().saturating_sub(1) as f32;
+    let last = levels.len().saturating_sub(1);
+    let steps = last as f32;
     to.extend(own.iter().zip(once).zip(twice).filter_map(|((own, once), twice)| {
         let alone = (own - ratio * (once - ratio * twice)) * brighter;
         // (A float beyond a whole number's range becomes the nearest one.)
-        levels.get(((alone * steps + 0.5) as u32 as usize).min(levels.len() - 1)).copied()
+        levels.get(((alone * steps + 0.5) as u32 as usize).min(last)).copied()
     }));
 }
 

@@ -8,9 +8,10 @@
 //! Exp(ω_k)` its error in this frame: δ the error of its position, ω the bending of the link.
 
 use super::chain::Direction;
+use super::joint::JointKind;
 use super::model::Robot;
 use super::poses::Poses;
-use crate::error::{Error, Result, positive};
+use crate::error::{Error, Result, finite, positive};
 use crate::geometry::rotation::exp;
 use nalgebra::{Matrix3, Vector3};
 
@@ -19,7 +20,7 @@ use nalgebra::{Matrix3, Vector3};
 pub struct JointErrors {
     /// Index of the joint.
     pub joint: usize,
-    /// Error of its position, rad.
+    /// Error of its position, rad; of a joint that slides it has no effect. Several entries of one joint add up.
     pub turn_rad: Vec<f64>,
     /// Bending of the link, a rotation vector in its frame, after the turn.
     pub bend_rad: Vec<Vector3<f64>>,
@@ -52,6 +53,8 @@ impl Robot {
                 needed: format!("a joint index below {}", self.joints.len()),
             })?;
             let got = error.turn_rad.len().min(error.bend_rad.len());
+            let turns = error.turn_rad.iter().chain(error.bend_rad.iter().flatten());
+            turns.copied().try_for_each(|v| finite("rotation error of a joint (rad)", v).map(drop))?;
             if got != count || error.turn_rad.len() != error.bend_rad.len() {
                 return Err(Error::LengthMismatch {
                     what: format!("errors of joint {:?} (one a posture)", joint.name),
@@ -63,7 +66,7 @@ impl Robot {
         // From the robot's root outwards, so that the last error is applied first.
         let on = |way: Direction| -> Vec<&JointErrors> {
             let steps = chain.steps.iter().filter(move |s| s.direction == way);
-            let found = steps.filter_map(|s| errors.iter().find(|e| e.joint == s.joint));
+            let found = steps.flat_map(|s| errors.iter().filter(move |e| e.joint == s.joint));
             if way == Direction::Up { found.collect() } else { found.rev().collect() }
         };
         let (to_held, to_link) = (on(Direction::Up), on(Direction::Down));
@@ -81,7 +84,9 @@ impl Robot {
         inwards.iter().fold(poses.root_from_link_rotation(link), |rotation, error| {
             let joint = &self.joints[error.joint];
             let carried = poses.root_from_link_rotation(joint.child_link);
-            let turn = exp(&(joint.axis.into_inner() * error.turn_rad[row])) * exp(&error.bend_rad[row]);
+            // Where a joint slides, an error of its position turns nothing.
+            let turn_rad = if joint.kind == JointKind::Prismatic { 0.0 } else { error.turn_rad[row] };
+            let turn = exp(&(joint.axis.into_inner() * turn_rad)) * exp(&error.bend_rad[row]);
             carried * turn.to_rotation_matrix().matrix() * carried.transpose() * rotation
         })
     }

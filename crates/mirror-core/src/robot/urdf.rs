@@ -137,7 +137,7 @@ fn limits(
         return Ok(None);
     }
     let (lower, upper) = (limit.lower, limit.upper);
-    if lower.is_nan() || upper.is_nan() || lower > upper {
+    if lower.is_nan() || upper.is_nan() || lower > upper || lower == upper && lower.is_infinite() {
         return Err(ModelFault::Number {
             element: element.to_owned(),
             quantity: "its range",
@@ -145,8 +145,9 @@ fn limits(
             needed: "lower ≤ upper",
         });
     }
-    // No <limit>, or one without a range, reads as 0 to 0: a joint that cannot move is written as a fixed one.
-    Ok((lower < upper).then_some(Limits { lower, upper }))
+    // No <limit>, or one without a range, reads as 0 to 0: a joint that cannot move is written as a fixed one, or locked elsewhere.
+    let given = lower < upper || lower == upper && lower != 0.0;
+    Ok(given.then_some(Limits { lower, upper }))
 }
 
 fn joint(urdf: &urdf_rs::Joint) -> core::result::Result<NamedJoint, ModelFault> {

@@ -1,6 +1,7 @@
 //! The paper's measurement in bulk: reflected boards' positions and pixels of two views to markers.
 
-use super::rays::midpoint_of_two;
+use super::options::least_parallax;
+use super::rays::midpoint_of_two_virtual;
 use super::vectors::point_pairs;
 use crate::camera::{Camera, FixedSteps};
 use crate::cancel::Cancel;
@@ -38,7 +39,7 @@ pub fn point_pair_marker(
         let plane = Plane::between(board_in_camera, &views.reflected_boards[k])?;
         virtual_ray(camera, &plane, &views.pixels[k])
     };
-    midpoint_of_two(&ray(0)?, &ray(1)?, least_parallax_rad)
+    midpoint_of_two_virtual(&ray(0)?, &ray(1)?, least_parallax_rad)
 }
 
 /// A row of a batch that has no result.
@@ -73,6 +74,7 @@ pub fn point_pair_markers(
     least_parallax_rad: f64,
     cancel: &Cancel,
 ) -> Result<PointBatch> {
+    least_parallax(least_parallax_rad)?;
     if reflected_boards_m.len() != pixels_px.len() {
         return Err(Error::LengthMismatch {
             what: "rows of pixels".into(),

@@ -27,11 +27,23 @@ impl TriangulationOptions {
     /// The options themselves, checked.
     ///
     /// # Errors
-    /// [`Error::OutOfRange`] for a least parallax that is not above zero.
+    /// [`Error::OutOfRange`] for a least parallax that is not above zero and below a right angle.
     pub fn validated(self) -> Result<Self> {
-        positive("least parallax (rad)", self.least_parallax_rad)?;
+        least_parallax(self.least_parallax_rad)?;
         Ok(self)
     }
+}
+
+/// Refuses a least parallax that is not above zero and below a right angle: rays are lines, which cross by no more.
+pub(super) fn least_parallax(angle_rad: f64) -> Result<()> {
+    if positive("least parallax (rad)", angle_rad)? < core::f64::consts::FRAC_PI_2 {
+        return Ok(());
+    }
+    Err(Error::OutOfRange {
+        what: "least parallax (rad)".into(),
+        got: angle_rad,
+        needed: "below a right angle, π/2".into(),
+    })
 }
 
 /// The ways to triangulate, by name.

@@ -38,14 +38,36 @@ pub fn midpoint_of_two(a: &Ray, b: &Ray, least_parallax_rad: f64) -> Result<Poin
     let squared = cross.norm_squared();
     // sin² ≥ sin² of the least angle, without an arc tangent for the many that pass.
     // Written so that NaN fails.
-    if !(squared >= least_parallax_rad.sin().powi(2)) {
+    if !(squared > 0.0 && squared >= least_parallax_rad.sin().powi(2)) {
         enough(super::line_angle_rad(a, b), least_parallax_rad)?;
+        if !(squared > 0.0) {
+            return Err(Error::Undetermined { what: "marker position" });
+        }
     }
     let t = between.cross(&db).dot(&cross) / squared;
     let s = between.cross(&da).dot(&cross) / squared;
     let point = nalgebra::center(&a.at(t), &b.at(s));
     beyond_mirror(0, &point, t, 0.0)?;
     beyond_mirror(1, &point, s, 0.0)?;
+    Ok(point)
+}
+
+/// The same of two virtual rays, which start at the reflected camera, `o = 2 d n`, and cross their mirrors at `|o|² / (−2 o·r)`: a
+/// marker lies beyond both.
+///
+/// # Errors
+/// As [`midpoint_of_two`]; [`Error::WrongSide`] also behind a mirror.
+#[inline]
+pub(super) fn midpoint_of_two_virtual(a: &Ray, b: &Ray, least_parallax_rad: f64) -> Result<Point3<f64>> {
+    let point = midpoint_of_two(a, b, least_parallax_rad)?;
+    for (view, ray) in [a, b].into_iter().enumerate() {
+        let (origin, direction) = (ray.origin.coords, ray.direction.into_inner());
+        let mirror_at_m = origin.norm_squared() / (-2.0 * origin.dot(&direction));
+        let along_m = direction.dot(&(point - ray.origin));
+        // A ray that leaves the mirror's plane behind it never meets it.
+        let crosses = mirror_at_m > 0.0;
+        beyond_mirror(view, &point, along_m, if crosses { mirror_at_m } else { f64::INFINITY })?;
+    }
     Ok(point)
 }
 

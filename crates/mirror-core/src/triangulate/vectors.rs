@@ -88,7 +88,13 @@ fn ray(lens: &FixedSteps, board: &[f64; 3], reflected: [f64; 3], pixel: [f64; 2]
     }
 }
 
-/// As `midpoint_of_two`.
+/// Whether a place along a virtual ray lies beyond its mirror, which it crosses at `t = |o|² / (−2 o·r)`.
+#[inline(always)]
+fn beyond_mirror(ray: &Ray, t: f64) -> bool {
+    t * -2.0 * dot(ray.origin, ray.direction) > dot(ray.origin, ray.origin)
+}
+
+/// As `midpoint_of_two_virtual`.
 #[inline(always)]
 fn midpoint(a: &Ray, b: &Ray, least_sine_squared: f64) -> [f64; 3] {
     let between = along(a.origin, -1.0, b.origin);
@@ -98,7 +104,8 @@ fn midpoint(a: &Ray, b: &Ray, least_sine_squared: f64) -> [f64; 3] {
     let t = dot(cross(between, b.direction), normal) * up;
     let s = dot(cross(between, a.direction), normal) * up;
     let [p, q] = [along(a.direction, t, a.origin), along(b.direction, s, b.origin)];
-    let sure = a.sure & b.sure & (squared >= least_sine_squared) & (t > 0.0) & (s > 0.0);
+    let beyond = (t > 0.0) & (s > 0.0) & beyond_mirror(a, t) & beyond_mirror(b, s);
+    let sure = a.sure & b.sure & (squared >= least_sine_squared) & (squared > 0.0) & beyond;
     let half = if sure { 0.5 } else { f64::NAN };
     [half * (p[0] + q[0]), half * (p[1] + q[1]), half * (p[2] + q[2])]
 }

@@ -129,6 +129,7 @@ def command(
                 raise
             raise MirrorPostureError(f"{folder}: {error}") from error
         if afar is None and is_moving(loaded):
+            _refuse_in_motion(folder, {"--without": without, "--withhold": withhold, "--rerun": rerun})
             documents.append(_in_motion(output, loaded, folder, model, others, most_causes, target))
             continue
         if model is not None:
@@ -186,6 +187,16 @@ def _targets(sessions: list[Path], out: Path | None) -> list[Path | None]:
                 "needed folders of different names: diagnose them one by one, or rename one"
             )
     return list(targets)
+
+
+def _refuse_in_motion(folder: Path, options: Mapping[str, object]) -> None:
+    """Refuses options that the diagnosis of a session in motion does not have: they would change nothing."""
+    for option, value in options.items():
+        if value:
+            raise MirrorPostureError(
+                f"{option}: {folder} is a session in motion, and its diagnosis has no such option; needed sessions of still postures, or "
+                "leave it out"
+            )
 
 
 def _in_motion(

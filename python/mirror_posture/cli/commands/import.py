@@ -61,7 +61,12 @@ def command(
         float, typer.Option(help="At rest, no joint moves further than this, rad (m).")
     ] = 0.003,
     rest_s: Annotated[float, typer.Option(help="Shortest moment of rest, s.")] = 0.5,
-    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace the session's frames.")] = False,
+    overwrite: Annotated[
+        bool,
+        typer.Option(
+            "--overwrite", help="Replace the session's frames, and the pictures of an earlier import."
+        ),
+    ] = False,
     as_json: JsonOption = False,
 ) -> None:
     """Convert a recording into a session: its moments of rest become postures, each with its sharpest

@@ -18,7 +18,7 @@ from ..fingerprint import require_same
 from ..parts import Cause, Estimate
 from ..result import Diagnosis
 from .mistakes import undo_mistake
-from .mjcf import MECHANICAL, write_mjcf
+from .mjcf import MECHANICAL, NOT_WRITTEN, write_mjcf
 from .urdf import TURNING, Urdf
 from .xml_text import read_xml
 
@@ -94,7 +94,7 @@ def apply_diagnosis(
     for index, part in sorted(parts, key=lambda entry: FIRST.get(entry[1].effect, 3)):
         better, entry = _apply(better, urdf, part)
         entries[index].append(entry)
-    mechanical = _together(
+    mechanical = together(
         entry.cause for parts_written in entries.values() for entry in parts_written if entry.file == MJCF
     )
     told: dict[tuple[str, str], str] = {}
@@ -118,7 +118,8 @@ def apply_diagnosis(
         missing = (
             "a URDF cannot represent it, and MuJoCo is not installed: pip install 'mirror-posture[mujoco]'"
         )
-        return replace(entry, file=MJCF if done else None, what=done or missing)
+        is_there = done is not None and not done.startswith(NOT_WRITTEN)
+        return replace(entry, file=MJCF if is_there else None, what=done or missing)
 
     written = []
     for index, cause in enumerate(found.causes):
@@ -127,7 +128,7 @@ def apply_diagnosis(
     return Applied(target, tuple(written))
 
 
-def _together(causes: Iterable[Cause]) -> list[Cause]:
+def together(causes: Iterable[Cause]) -> list[Cause]:
     """Causes without duplicates: a spring that is a separate cause and one of the small errors at its joint
     are added."""
     sums: dict[tuple[str, str], Cause] = {}
@@ -152,7 +153,7 @@ def parts_of(cause: Cause) -> list[Cause]:
         if member.effect in MECHANICAL and member.value <= 0.0:
             continue
         values.setdefault((member.effect, member.at), {})[member.parameter] = Estimate(
-            member.value, member.std
+            member.value, member.std, member.slides
         )
     return [Cause(effect, at, cause.probability, told) for (effect, at), told in values.items()]
 

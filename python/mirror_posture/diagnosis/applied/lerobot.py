@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from pathlib import Path
 
 from ..._core import MirrorPostureError
@@ -27,6 +27,7 @@ def patch_lerobot(
     out: Path,
     motors: str = "feetech",
     check: Check | None = None,
+    sliding: Collection[str] = (),
 ) -> dict[tuple[str, str], str]:
     """Writes a LeRobot calibration file whose homing offsets compensate joint offsets; returns what was
     written.
@@ -34,7 +35,7 @@ def patch_lerobot(
     `θ = q + a`: a motor's reading must grow by a, `a · 4096 / 2π` ticks, so its `homing_offset` changes by
     as many, down on Feetech servos, up on Dynamixel's. The ranges stay: LeRobot counts degrees from their
     middle. The motors' direction of counting is taken to be the joint's. Only the numbers change.
-    `check` takes the motors' names.
+    `check` takes the motors' names; `sliding` are joints whose offsets are lengths, which no tick of a turn tells.
 
     Raises:
         MirrorPostureError: no such file, or not one of LeRobot's; unknown motors; an offset beyond the register; what `check` raises.
@@ -56,13 +57,21 @@ def patch_lerobot(
         check(list(tree))
     told = {}
     for cause in causes:
+        if cause.effect == "gear_ratio":
+            told[cause.effect, cause.at] = "not written: a LeRobot calibration has zeros, no gear ratios"
         if cause.effect != "joint_offset":
             continue
-        name = cause.at.partition(":")[2]
+        name, offset = cause.at.partition(":")[2], cause.parameters["offset_rad"].value
         if name not in tree:
             told[cause.effect, cause.at] = f"not written: no motor {name!r}; the file has {', '.join(tree)}"
             continue
-        ticks = round(cause.parameters["offset_rad"].value * TICKS / (2.0 * math.pi))
+        if name in sliding:
+            told[cause.effect, cause.at] = (
+                f"not written: joint {name} slides by {1e3 * offset:+.4g} mm, and the file does not say how far a turn "
+                "of its motor moves it"
+            )
+            continue
+        ticks = round(offset * TICKS / (2.0 * math.pi))
         before = tree[name]["homing_offset"]
         after = before + SIGN[motors] * ticks
         if abs(after) > MOST_TICKS[motors]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -30,6 +30,11 @@ STOP_TIME_S = 0.005
 """Time constant of the ends of a play; MuJoCo needs two time steps (of 2 ms) at least."""
 PLAY_DAMPING = 0.02
 """Damping of a joint in series, as a share of its servo's stiffness, N m s/rad per N m/rad."""
+NOT_WRITTEN = "not written"
+"""How a line starts that tells why something is not in the file."""
+HINGE, SLIDE = ("hinge", "rad", "N m", "N m/rad"), ("slide", "m", "N", "N/m")
+"""What MuJoCo calls the kind of a joint, and the units of its position, its load and its stiffness."""
+NO_SPRING = f"{NOT_WRITTEN}: a compliance that is not above 0 is no spring"
 
 
 def write_mjcf(
@@ -37,8 +42,9 @@ def write_mjcf(
 ) -> dict[tuple[str, str], str]:
     """Writes the robot with position servos and these causes; returns what was written, by effect and place.
 
-    Play is a limited hinge in series with its joint, compliance a sprung one, stiction a friction loss of the servo's
-    stiffness times the dead band, bending a pair of sprung hinges across the link, a gear ratio the servo's gear.
+    Play is a limited joint of the same kind in series with its joint, compliance a sprung one, stiction a friction loss of
+    the servo's stiffness times the dead band and a sprung joint for its droop, bending a pair of sprung hinges across the
+    link, a gear ratio the servo's gear.
     Nothing is written, and an empty mapping returned, where MuJoCo is not installed.
 
     Raises:
@@ -77,41 +83,58 @@ def _add(mujoco: Any, spec: Any, session: Session, cause: Cause, stiffness: dict
         body, joint = spec.body(name), session.robot.joints[session.robot.link_index(name) - 1]
         compliance = value["compliance_rad_per_nm"]
         for index, axis in enumerate(tilt_directions(joint.axis)):
-            _in_series(mujoco, body, f"{name}_bend_{index + 1}", axis, 1.0 / compliance)
+            _in_series(body, f"{name}_bend_{index + 1}", mujoco.mjtJoint.mjJNT_HINGE, axis, 1.0 / compliance)
         return f"hinges {name}_bend_1 and {name}_bend_2 with a stiffness of {1.0 / compliance:.4g} N m/rad"
     child = next(j.child_link for j in session.robot.joints if j.name == name)
     # The axis of the corrected robot, which a tilt may have moved.
     body, axis, servo = spec.body(child), spec.joint(name).axis, stiffness.get(name, LEAST_STIFFNESS)
+    kind = spec.joint(name).type
+    word, unit, load, per = SLIDE if kind == mujoco.mjtJoint.mjJNT_SLIDE else HINGE
     terms = joint_terms(cause.effect, value)
+    done = []
     if "play" in terms:
         half = terms["play"] / 2.0
-        play = _in_series(mujoco, body, f"{name}_play", axis, 0.0, PLAY_DAMPING * servo)
+        play = _in_series(body, f"{name}_play", kind, axis, 0.0, PLAY_DAMPING * servo)
         # A stop as hard as the time step allows: MuJoCo's default yields by a fifth of a typical play.
         play.armature, play.solref_limit = servo / SERVO_RATE**2, [STOP_TIME_S, 1.0]
         play.limited, play.range = mujoco.mjtLimited.mjLIMITED_TRUE, [-half, half]
-        return f"hinge {name}_play in series, from {-half:.5f} to {half:.5f} rad"
+        done.append(f"{word} {name}_play in series, from {-half:.5f} to {half:.5f} {unit}")
     if "dead_band" in terms:
         loss = servo * terms["dead_band"]
         spec.joint(name).frictionloss = loss
-        return f"frictionloss {loss:.4g} N m of joint {name} (servo of {servo:.4g} N m/rad)"
-    if "compliance" in terms:
+        done.append(f"frictionloss {loss:.4g} {load} of joint {name} (servo of {servo:.4g} {per})")
+    if (spring_name := spring_of(name, terms)) is not None:
         spring = 1.0 / terms["compliance"]
-        _in_series(mujoco, body, f"{name}_spring", axis, spring)
-        return f"hinge {name}_spring in series with a stiffness of {spring:.4g} N m/rad"
-    gear = 1.0 / (1.0 + terms["share"])
-    spec.actuator(name).gear = [gear, 0, 0, 0, 0, 0]
-    return f"gear {gear:.6f} of the servo {name}"
+        _in_series(body, spring_name, kind, axis, spring)
+        done.append(f"{word} {spring_name} in series with a stiffness of {spring:.4g} {per}")
+    elif "compliance" in terms:
+        done.append(NO_SPRING)
+    if "share" in terms:
+        gear = 1.0 / (1.0 + terms["share"])
+        spec.actuator(name).gear = [gear, 0, 0, 0, 0, 0]
+        done.append(f"gear {gear:.6f} of the servo {name}")
+    return ", ".join(done)
+
+
+def spring_of(joint: str, terms: Mapping[str, float]) -> str | None:
+    """Name of the sprung joint behind a joint: stiction's droop and a compliance may be at one joint. None where it yields
+    to no load."""
+    if terms.get("compliance", 0.0) <= 0.0:
+        return None
+    return f"{joint}_droop" if "dead_band" in terms else f"{joint}_spring"
 
 
 def _in_series(
-    mujoco: Any, body: Any, name: str, axis: np.ndarray, stiffness: float, damping: float | None = None
+    body: Any, name: str, kind: Any, axis: np.ndarray, stiffness: float, damping: float | None = None
 ) -> Any:
-    """A further hinge of the same body: MuJoCo puts the joints of a body in series."""
+    """A further joint of the same body: MuJoCo puts the joints of a body in series."""
     return body.add_joint(
         name=name,
-        type=mujoco.mjtJoint.mjJNT_HINGE,
+        type=kind,
         axis=axis,
         stiffness=stiffness,
+        # Two springs on one and the same inertia (a droop and a compliance) would be singular without rotors of their own.
+        armature=stiffness / SERVO_RATE**2,
         damping=PLAY_DAMPING * stiffness if damping is None else damping,
     )
 

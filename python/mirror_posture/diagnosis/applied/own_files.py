@@ -13,7 +13,7 @@ from ...output_files import write_file
 from ...session import Session
 from ..result import Diagnosis
 from .another_robot import require_joints, require_places
-from .apply import ROBOT, parts_of
+from .apply import ROBOT, parts_of, together
 from .lerobot import patch_lerobot
 from .own_mjcf import patch_own_mjcf
 from .own_urdf import patch_own_urdf, patch_text
@@ -61,7 +61,7 @@ def write_own_files(
     Raises:
         MirrorPostureError: a file that is missing or another robot's; two files of one name.
     """
-    causes = [part for cause in found.causes for part in parts_of(cause)]
+    causes = together(part for cause in found.causes for part in parts_of(cause))
     places = [cause.at for cause in causes]
     robot = Urdf(read_xml(session.robot_file))
     better = Urdf(read_xml(folder / ROBOT))
@@ -99,7 +99,9 @@ def write_own_files(
         elif own is ros2_control:
             told = _lines(patch_ros2_control(own, causes, out, partial(check, whole=False)))
         else:
-            told = _lines(patch_lerobot(own, causes, out, motors, partial(check, what="motor", whole=False)))
+            sliding = {joint.name for joint in session.robot.joints if joint.kind == "prismatic"}
+            check = partial(check, what="motor", whole=False)
+            told = _lines(patch_lerobot(own, causes, out, motors, check, sliding))
         files.add(own, out, told, moves_robot=own in (lerobot, ros2_control))
     return tuple(files.written)
 

@@ -9,19 +9,37 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from ..._core import MirrorPostureError
+from ...input_files import reason
 from ...output_files import write_file
 from ..parts import Cause
-from ..vocabulary import joint_terms
+from ..vocabulary import BESIDE, joint_terms
 from .another_robot import Check
-from .mjcf import LEAST_STIFFNESS, PLAY_DAMPING, SERVO_RATE, STOP_TIME_S
+from .apply import NOT_IN_A_MODEL
+from .mjcf import (
+    HINGE,
+    LEAST_STIFFNESS,
+    NO_SPRING,
+    PLAY_DAMPING,
+    SERVO_RATE,
+    SLIDE,
+    STOP_TIME_S,
+    spring_of,
+)
 from .xml_text import Element, XmlText, read_xml
 
 LEAST_ARMATURE = 1e-4
 """kg m²: of a joint whose file states none."""
 WRITTEN = {"offset", "share", "play", "compliance", "dead_band"}
-"""The terms of a joint's law that MuJoCo can represent. Effects that move frames are left out: an MJCF
-names frames differently from a URDF."""
+"""The terms of a joint's law that MuJoCo can represent."""
+OF_FRAMES = "an MJCF names frames differently from a URDF; take it over from the corrected robot.urdf by hand"
+OF_BENDING = "a link bends in robot.mjcf.xml only, beside it"
+TOLERANCE = 1e-6
+"""rad (m): rounding of what is written and read again; a wrong unit is far more."""
+Wanted = dict[tuple[str, str], Sequence[float]]
+"""What MuJoCo is to read, rad (m), by joint and by `qpos0` or `range`."""
 
 
 def patch_own_mjcf(
@@ -34,11 +52,12 @@ def patch_own_mjcf(
     - play, compliance: a further joint behind the joint, limited or sprung.
     - a dead band: `frictionloss` = kp times the dead band, kp of the joint's position servo.
 
-    The written file is loaded by MuJoCo before it is kept. What cannot be written is told with its reason, which starts
-    with "not written". `check` takes the names of the file's joints, of included files too.
+    The written file is loaded by MuJoCo before it is kept, and its joints are compared with what is meant. What of the robot
+    cannot be written is told with its reason, which starts with "not written". `check` takes the names of the file's joints, of
+    included files too.
 
     Raises:
-        MirrorPostureError: MuJoCo is missing, or one of the files cannot be loaded; what `check` raises.
+        MirrorPostureError: MuJoCo is missing, or one of the files cannot be loaded; a folder that cannot be written; what `check` raises.
     """
     try:
         import mujoco  # type: ignore[import-untyped, unused-ignore]
@@ -50,45 +69,77 @@ def patch_own_mjcf(
         raise MirrorPostureError(
             f"{own}: got <{document.root.tag}>, needed an MJCF (<mujoco>); a URDF is given as --urdf"
         )
-    model = _load(mujoco, own, own)
+    model, degrees = _load(mujoco, own, text)
     if check is not None:
         names = [mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_JOINT, index) for index in range(model.njnt)]
         check([name for name in names if name])
-    degrees = not _radians(document)
-    told = {}
+    told: dict[tuple[str, str], str] = {}
+    wanted: Wanted = {}
     for cause in causes:
         values = {key: estimate.value for key, estimate in cause.parameters.items()}
         terms = joint_terms(cause.effect, values)
         if terms and terms.keys() <= WRITTEN:
-            told[cause.effect, cause.at] = _write(mujoco, model, document, cause.at, terms, degrees)
-    # Beside the own file: its meshes and includes are found from there.
-    handle, name = tempfile.mkstemp(dir=own.parent, prefix=f".{own.stem}-", suffix=".xml")
-    try:
-        with os.fdopen(handle, "wb") as stream:
-            stream.write(document.text().encode("utf-8"))
-        _load(mujoco, Path(name), own)
-        write_file(out, Path(name).read_bytes())
-    finally:
-        os.unlink(name)
+            told[cause.effect, cause.at] = _write(mujoco, model, document, cause.at, terms, degrees, wanted)
+        elif why := _not_of_an_mjcf(cause):
+            told[cause.effect, cause.at] = f"not written: {why}"
+    better = document.text()
+    _require(own, wanted, _load(mujoco, own, better)[0])
+    write_file(out, better.encode("utf-8"))
     return told
 
 
-def _load(mujoco: Any, file: Path, shown_as: Path) -> Any:
+def _load(mujoco: Any, own: Path, text: str) -> tuple[Any, bool]:
+    """The model, and whether its angles are in degrees: the last `compiler` counts, of included files too."""
     try:
-        return mujoco.MjModel.from_xml_path(str(file))
-    except ValueError as error:
+        # Beside the own file: its meshes and includes are found from there.
+        handle, name = tempfile.mkstemp(dir=own.parent, prefix=f".{own.stem}-", suffix=".xml")
+    except OSError as error:
         raise MirrorPostureError(
-            f"{shown_as}: MuJoCo cannot load it: {' '.join(str(error).split())}"
+            f"{own}: its folder cannot be written ({reason(error)}), and MuJoCo finds meshes and included files only from "
+            "there; give a copy of the folder"
         ) from None
+    try:
+        with os.fdopen(handle, "wb") as stream:
+            stream.write(text.encode("utf-8"))
+        spec = mujoco.MjSpec.from_file(name)
+        return spec.compile(), bool(spec.compiler.degree)
+    except ValueError as error:
+        told = " ".join(str(error).split()).replace(name, str(own))
+        raise MirrorPostureError(f"{own}: MuJoCo cannot load it: {told}") from None
+    finally:
+        os.unlink(name)
 
 
-def _radians(document: XmlText) -> bool:
-    compilers = [element for element in document.elements if element.tag == "compiler"]
-    return any(element.attributes.get("angle") == "radian" for element in compilers)
+def _require(own: Path, wanted: Wanted, model: Any) -> None:
+    """MuJoCo reads the joints as they are meant, in their unit."""
+    for (name, what), values in wanted.items():
+        got = getattr(model.joint(name), what)
+        if not np.allclose(got, values, rtol=0.0, atol=TOLERANCE):
+            raise MirrorPostureError(
+                f"{own}: MuJoCo would read {what} = {np.round(got, 6)} rad (m) of joint {name}, needed {np.round(values, 6)}; "
+                "state the unit of the angles in one <compiler>"
+            )
+
+
+def _not_of_an_mjcf(cause: Cause) -> str | None:
+    """Why a cause of the robot is not written; None for one of the camera, the setup or the data."""
+    if not cause.at.startswith(("joint:", "link:")) or (
+        cause.effect in BESIDE and cause.effect != "axis_sign"
+    ):
+        return None
+    if cause.effect == "link_bending":
+        return OF_BENDING
+    return NOT_IN_A_MODEL.get(cause.effect, OF_FRAMES)
 
 
 def _write(
-    mujoco: Any, model: Any, document: XmlText, at: str, terms: Mapping[str, float], degrees: bool
+    mujoco: Any,
+    model: Any,
+    document: XmlText,
+    at: str,
+    terms: Mapping[str, float],
+    degrees: bool,
+    wanted: Wanted,
 ) -> str:
     name = at.partition(":")[2]
     joint = next(
@@ -107,6 +158,7 @@ def _write(
     factor = 180.0 / math.pi if degrees and hinge else 1.0
     if "offset" in terms:
         ref = float(model.qpos0[model.jnt_qposadr[identity]]) - terms["offset"]
+        wanted[name, "qpos0"], wanted[name, "range"] = [ref], model.joint(name).range.tolist()
         document.set(joint, "ref", f"{factor * ref:.12g}")
         return f"ref of joint {name}"
     servos = [
@@ -117,22 +169,37 @@ def _write(
     ]
     if "share" in terms:
         return _write_gear(mujoco, model, document, name, servos, terms["share"])
+    told = []
     if "dead_band" in terms:
-        gain = float(model.actuator_gainprm[servos[0], 0]) if servos else 0.0
-        if not (gain > 0.0 and math.isclose(gain, -float(model.actuator_biasprm[servos[0], 1]))):
-            return f"not written: joint {name} has no position servo, whose stiffness the dead band needs"
-        # A servo pulls with gear · kp · (command - gear · q).
-        loss = gain * float(model.actuator_gear[servos[0], 0]) ** 2 * terms["dead_band"]
-        document.set(joint, "frictionloss", f"{loss:.9g}")
-        return f"frictionloss of joint {name}: {loss:.4g} N m"
+        told.append(_write_friction(model, document, joint, name, servos, terms["dead_band"], hinge))
+    spring = spring_of(name, terms)
+    if spring is None and "play" not in terms:
+        return "; ".join([*told, NO_SPRING] if "compliance" in terms else told)
     stiffness = (
         max((float(model.actuator_gainprm[index, 0]) for index in servos), default=0.0) or LEAST_STIFFNESS
     )
-    if not hinge:
-        return f"not written: joint {name} slides; play and springs are told for hinges"
     if model.nkey:
-        return f"not written: the keyframes of this file fit its {model.nq} positions; a further joint needs new ones"
-    return _write_series(model, document, joint, name, terms, factor, stiffness)
+        what = "play" if spring is None else "spring"
+        told.append(
+            f"not written: a {what}: the keyframes of this file fit its {model.nq} positions; a further joint needs new ones"
+        )
+    else:
+        told.append(
+            _write_series(model, document, joint, name, terms, spring, factor, stiffness, hinge, wanted)
+        )
+    return "; ".join(told)
+
+
+def _write_friction(
+    model: Any, document: XmlText, joint: Element, name: str, servos: list[int], dead_band: float, hinge: bool
+) -> str:
+    gain = float(model.actuator_gainprm[servos[0], 0]) if servos else 0.0
+    if not (gain > 0.0 and math.isclose(gain, -float(model.actuator_biasprm[servos[0], 1]))):
+        return f"not written: joint {name} has no position servo, whose stiffness the dead band needs"
+    # A servo pulls with gear · kp · (command - gear · q).
+    loss = gain * float(model.actuator_gear[servos[0], 0]) ** 2 * dead_band
+    document.set(joint, "frictionloss", f"{loss:.9g}")
+    return f"frictionloss of joint {name}: {loss:.4g} {(HINGE if hinge else SLIDE)[2]}"
 
 
 def _write_gear(
@@ -161,8 +228,11 @@ def _write_series(
     joint: Element,
     name: str,
     terms: Mapping[str, float],
+    spring: str | None,
     factor: float,
     stiffness: float,
+    hinge: bool,
+    wanted: Wanted,
 ) -> str:
     """A joint of the same body, behind the joint: MuJoCo puts the joints of a body in series."""
     compiled = model.joint(name)
@@ -173,25 +243,27 @@ def _write_series(
     # Two joints that turn one and the same inertia are unstable to step: rotors like those of the own servos' part them.
     # The statics do not depend on it.
     rotor = max(float(model.dof_armature[compiled.dofadr[0]]), stiffness / SERVO_RATE**2, LEAST_ARMATURE)
+    kind, unit, _, per = HINGE if hinge else SLIDE
     told |= {"armature": f"{rotor:.6g}"}
-    if "play" in terms:
+    if spring is None:
         half = factor * terms["play"] / 2.0
+        wanted[f"{name}_play", "range"] = [-terms["play"] / 2.0, terms["play"] / 2.0]
         document.insert_after(
             joint,
             "joint",
-            {"name": f"{name}_play", "type": "hinge", **told, "limited": "true", "range": f"{-half:.9g} {half:.9g}",
+            {"name": f"{name}_play", "type": kind, **told, "limited": "true", "range": f"{-half:.9g} {half:.9g}",
              "stiffness": "0", "frictionloss": "0", "damping": f"{PLAY_DAMPING * stiffness:.6g}", "ref": "0",
              "solreflimit": f"{STOP_TIME_S:g} 1", "solimplimit": "0.99 0.999 0.001"},
         )  # fmt: skip
-        return f"hinge {name}_play behind it, of {terms['play']:.5f} rad"
-    spring = 1.0 / terms["compliance"]
+        return f"{kind} {name}_play behind it, of {terms['play']:.5f} {unit}"
+    stiff = 1.0 / terms["compliance"]
     document.insert_after(
         joint,
         "joint",
-        {"name": f"{name}_spring", "type": "hinge", **told, "limited": "false", "stiffness": f"{spring:.9g}",
-         "frictionloss": "0", "damping": f"{PLAY_DAMPING * spring:.6g}", "ref": "0", "springref": "0"},
+        {"name": spring, "type": kind, **told, "limited": "false", "stiffness": f"{stiff:.9g}",
+         "frictionloss": "0", "damping": f"{PLAY_DAMPING * stiff:.6g}", "ref": "0", "springref": "0"},
     )  # fmt: skip
-    return f"hinge {name}_spring behind it, of {spring:.4g} N m/rad"
+    return f"{kind} {spring} behind it, of {stiff:.4g} {per}"
 
 
 def _in_body(element: Element) -> bool:

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from xml.sax.saxutils import quoteattr
 
 from ..._core import MirrorPostureError
 from ...output_files import write_file
 from ..parts import Cause
+from ..vocabulary import joint_terms
 from .another_robot import Check
 from .xml_text import Element, XmlText, read_xml
 
@@ -22,9 +24,9 @@ def patch_ros2_control(
 ) -> dict[tuple[str, str], str]:
     """Writes a file with `<ros2_control>` (a URDF, or xacro) whose transmissions allow for zeros and gears; returns what was written.
 
-    A simple transmission reports `q = x / n + o` for an actuator's x, reduction n and offset o. The joint stands at `q + a`
-    (`joint_offset` a), or at `(1 + e) q` (`gear_ratio` e), so o becomes `o + a`, or n becomes `n / (1 + e)` and o `(1 + e) o`. Only these
-    numbers change; an expression `${x}` becomes `${x + a}`. The robot's URDF then stays as it is: told in both it would count twice.
+    A simple transmission reports `q = x / n + o` for an actuator's x, reduction n and offset o. The joint stands at `q + a + e q`
+    (`joint_offset` a, `gear_ratio` e), so n becomes `n / (1 + e)` and o `(1 + e) o + a`: both causes of a joint are written at once. Only
+    these numbers change; an expression `${x}` becomes `${(x) + a}`. The robot's URDF then stays as it is: told in both it would count twice.
     `check` takes the joints' names, unless some are expressions of xacro.
 
     Raises:
@@ -39,17 +41,19 @@ def patch_ros2_control(
     names = _joint_names(document)
     if check is not None and not any("$" in name for name in names):
         check(names)
-    told = {}
-    for cause in causes:
-        if cause.effect not in WRITTEN:
-            continue
-        name = cause.at.partition(":")[2]
-        told[cause.effect, cause.at] = _write(document, cause, name)
+    laws: dict[str, dict[str, float]] = {}
+    written = [cause for cause in causes if cause.effect in WRITTEN]
+    for cause in written:
+        values = {key: estimate.value for key, estimate in cause.parameters.items()}
+        law = laws.setdefault(cause.at, {})
+        for term, value in joint_terms(cause.effect, values).items():
+            law[term] = law.get(term, 0.0) + value
+    lines = {at: _write(document, law, at.partition(":")[2]) for at, law in laws.items()}
     write_file(out, document.text().encode("utf-8"))
-    return told
+    return {(cause.effect, cause.at): lines[cause.at] for cause in written}
 
 
-def _write(document: XmlText, cause: Cause, name: str) -> str:
+def _write(document: XmlText, law: Mapping[str, float], name: str) -> str:
     joints = [
         element
         for element in document.elements
@@ -59,74 +63,58 @@ def _write(document: XmlText, cause: Cause, name: str) -> str:
     ]
     held = [joint for joint in joints if joint.parent is not None and joint.parent.tag == "transmission"]
     if not held:
-        return f"not written: {_why_not(document, joints, name)}{_by_hand(cause)}"
+        return f"not written: {_why_not(document, joints, name)}{_by_hand(law)}"
     if len(held) > 1:
-        return f"not written: joint {name} is in {len(held)} transmissions{_by_hand(cause)}"
+        return f"not written: joint {name} is in {len(held)} transmissions{_by_hand(law)}"
     transmission = held[0].parent
     assert transmission is not None
     plugin = transmission.find("plugin")
     kind = document.inner(plugin).strip() if plugin is not None else ""
     if not kind.endswith(SIMPLE):
-        return f"not written: joint {name} has a transmission {kind or 'without a plugin'}, needed a {SIMPLE}{_by_hand(cause)}"
-    if cause.effect == "joint_offset":
-        return _add_offset(document, held[0], name, cause.parameters["offset_rad"].value)
-    return _scale(document, held[0], name, 1.0 + cause.parameters["scale_error"].value)
+        return f"not written: joint {name} has a transmission {kind or 'without a plugin'}, needed a {SIMPLE}{_by_hand(law)}"
+    return _change(document, held[0], name, law)
 
 
-def _add_offset(document: XmlText, joint: Element, name: str, offset: float) -> str:
-    element = joint.find("offset")
-    if element is None:
-        if joint.open_end == joint.end:
-            document.replace(
-                joint, f'<joint name="{name}"{_other(joint)}><offset>{offset:.12g}</offset></joint>'
-            )
-        else:
-            document.insert_text_in(joint, f"<offset>{offset:.12g}</offset>")
-        return f"offset of the transmission of joint {name}: {offset:.6g} rad, none before"
-    text = document.inner(element).strip()
-    new = _changed(text, "+", offset)
-    if new is None:
-        return f"not written: the offset of joint {name} is {text!r}; add {offset:+.9g} rad to it"
-    document.set_inner(element, new)
-    return f"offset of the transmission of joint {name}: {text} to {new}"
-
-
-def _scale(document: XmlText, joint: Element, name: str, factor: float) -> str:
-    reduction, offset = joint.find("mechanical_reduction"), joint.find("offset")
-    told = []
-    for element, operator in ((reduction, "/"), (offset, "*")):
+def _change(document: XmlText, joint: Element, name: str, law: Mapping[str, float]) -> str:
+    """Writes the transmission's reduction and offset, or neither of them."""
+    factor, offset = 1.0 + law.get("share", 0.0), law.get("offset", 0.0)
+    changes = [("mechanical_reduction", "1", "/", 0.0)] if "share" in law else []
+    if "offset" in law or joint.find("offset") is not None:
+        changes.append(("offset", "0", "*", offset))
+    said, new, edits = [], "", []
+    for tag, default, operator, summand in changes:
+        element = joint.find(tag)
+        text = default if element is None else document.inner(element).strip()
+        after = _changed(text, operator, factor, summand)
+        if after is None:
+            return f"not written: {tag} of joint {name} is {text!r}{_by_hand(law)}"
         if element is None:
-            continue
-        text = document.inner(element).strip()
-        new = _changed(text, operator, factor)
-        if new is None:
-            return f"not written: {element.tag} of joint {name} is {text!r}; write it {operator} {factor:.9g}"
-        told.append((element, text, new))
-    if reduction is None:
-        if joint.open_end == joint.end:
-            return f"not written: joint {name} has no <mechanical_reduction>; write 1 / {factor:.9g}"
-        document.insert_text_in(joint, f"<mechanical_reduction>{1.0 / factor:.12g}</mechanical_reduction>")
-    for element, _, new in told:
-        document.set_inner(element, new)
-    said = [f"{element.tag} {text} to {new}" for element, text, new in told]
-    if reduction is None:
-        said.insert(0, f"mechanical_reduction {1.0 / factor:.9g}, none before")
+            new += f"<{tag}>{after}</{tag}>"
+            said.append(f"{tag} {after}, none before")
+        else:
+            edits.append((element, after))
+            said.append(f"{tag} {text} to {after}")
+    for element, after in edits:
+        document.set_inner(element, after)
+    if new and joint.open_end == joint.end:
+        document.replace(joint, f"<joint{_attributes(joint)}>{new}</joint>")
+    elif new:
+        document.insert_text_in(joint, new)
     return f"transmission of joint {name}: {', '.join(said)}"
 
 
-def _changed(text: str, operator: str, value: float) -> str | None:
-    """A number or an expression, changed; None for what is neither."""
+def _changed(text: str, operator: str, factor: float, summand: float) -> str | None:
+    """A number or an expression, times or by a factor, and a summand more; None for what is neither."""
     try:
         number = float(text)
     except ValueError:
         found = _EXPRESSION.match(text)
         if found is None:
             return None
-        if operator == "+":
-            return f"${{({found[1].strip()}) {'-' if value < 0 else '+'} {abs(value):.12g}}}"
-        return f"${{({found[1].strip()}) {operator} {value:.12g}}}"
-    after = {"+": number + value, "*": number * value, "/": number / value}[operator]
-    return f"{after + 0.0:.12g}"
+        scaled = f" {operator} {factor:.12g}" if factor != 1.0 else ""
+        added = f" {'-' if summand < 0 else '+'} {abs(summand):.12g}" if summand else ""
+        return f"${{({found[1].strip()}){scaled}{added}}}"
+    return f"{(number * factor if operator == '*' else number / factor) + summand + 0.0:.12g}"
 
 
 def _why_not(document: XmlText, joints: Sequence[Element], name: str) -> str:
@@ -159,16 +147,14 @@ def _joint_names(document: XmlText) -> list[str]:
     )
 
 
-def _by_hand(cause: Cause) -> str:
-    if cause.effect == "joint_offset":
-        return f"; what the joint reports must grow by {cause.parameters['offset_rad'].value:+.9g} rad"
-    return (
-        f"; what the joint reports must be {1.0 + cause.parameters['scale_error'].value:.9g} times as large"
-    )
+def _by_hand(law: Mapping[str, float]) -> str:
+    told = [f"be {1.0 + law['share']:.9g} times as large"] if "share" in law else []
+    told += [f"grow by {law['offset']:+.9g} rad"] if "offset" in law else []
+    return f"; what the joint reports must {', then '.join(told)}"
 
 
-def _other(joint: Element) -> str:
-    return "".join(f' {key}="{value}"' for key, value in joint.attributes.items() if key != "name")
+def _attributes(joint: Element) -> str:
+    return "".join(f" {key}={quoteattr(value)}" for key, value in joint.attributes.items())
 
 
 def _inside(element: Element, tag: str) -> bool:

@@ -77,6 +77,7 @@ impl Corrector {
         let (mut lower, mut upper) = (Vec::with_capacity(joints), Vec::with_capacity(joints));
         for (j, name) in target.robot.position_names().enumerate() {
             let (least, most) = target.limits[j];
+            crate::error::finite(&format!("first command, joint {name:?}"), command[j])?;
             if target.free[j] && !(command[j] >= least && command[j] <= most) {
                 return Err(Error::OutOfRange {
                     what: format!("first command, joint {name:?}"),
@@ -193,11 +194,7 @@ impl Corrector {
                 needed: "none: make a new correction".to_owned(),
             });
         }
-        for reading in readings.iter().flatten() {
-            for value in reading.point_in_frame_m.iter().chain(reading.covariance_m2.iter()) {
-                crate::error::finite("reading of a marker", *value)?;
-            }
-        }
+        readings.iter().flatten().try_for_each(Reading::check)?;
         let look = self.records.len() + 1;
         let doubts = self.doubts(readings);
         let markers = self.marker_errors(readings, &doubts, look);
