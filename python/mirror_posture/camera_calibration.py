@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import cv2
@@ -14,8 +14,10 @@ from .arrays import Floats, Mask
 from .board import Board
 from .camera import Camera
 from .counted import counted
+from .detect.gate import IN_ONE_LINE, spans_plane
 
 LEAST_VIEWS, GOOD_VIEWS = 4, 12
+LEAST_CORNERS = 6
 CELLS = (8, 6)
 """The picture in cells, across and down: a lens is known where corners were."""
 GOOD_COVERAGE = 0.6
@@ -39,7 +41,9 @@ class CameraCalibration:
     view_rms_px: Floats
     """(V,) residual of each view that was used, px RMS of a corner."""
     used: Mask
-    """(all views,) False for those left out as outliers."""
+    """(all views,) False for those left out."""
+    reasons: Mapping[int, str]
+    """Of each view that was left out, why."""
     coverage: float
     """Share of the picture's cells in which corners were."""
     largest_tilt_rad: float
@@ -52,11 +56,12 @@ def calibrate_camera(
 ) -> CameraCalibration:
     """Focal lengths, principal point and a `plumb_bob` lens by Zhang's method, with bundle adjustment (OpenCV).
 
-    `corners_px` holds (N, 2) for each view in the board's order, NaN where a corner was not seen. Views whose residual is
-    three times the median are left out, once. The standard deviations are those of the adjustment, scaled by its residuals.
+    `corners_px` holds (N, 2) for each view in the board's order, NaN where a corner was not seen. Views whose
+    corners are too few or lie in one line are left out, and once those whose residual is three times the median.
+    The standard deviations are those of the adjustment, scaled by its residuals.
 
     Raises:
-        MirrorPostureError: fewer than 4 views with 6 corners, views of another size, an adjustment without a result.
+        MirrorPostureError: fewer than 4 views with 6 corners that are not in one line, views of another size, an adjustment without a result.
     """
     points = [np.asarray(view, dtype=np.float64) for view in corners_px]
     for view in points:
@@ -64,11 +69,13 @@ def calibrate_camera(
             raise MirrorPostureError(
                 f"corners: got {view.shape}, needed ({board.corner_count}, 2) for a board of {board.columns} x {board.rows}"
             )
-    seen = [np.isfinite(view).all(axis=1) for view in points]
-    used = np.array([bool(mask.sum() >= 6) for mask in seen], dtype=bool)
+    seen = [np.asarray(np.isfinite(view).all(axis=1), dtype=bool) for view in points]
+    reasons = {view: why for view, mask in enumerate(seen) if (why := _too_little(board, mask))}
+    used = np.array([view not in reasons for view in range(len(seen))], dtype=bool)
     if used.sum() < LEAST_VIEWS:
         raise MirrorPostureError(
-            f"calibration: got {counted(int(used.sum()), 'view')} with 6 corners or more, needed {LEAST_VIEWS}, better {GOOD_VIEWS}"
+            f"calibration: got {counted(int(used.sum()), 'view')} with {LEAST_CORNERS} corners or more that are not in one line, "
+            f"needed {LEAST_VIEWS}, better {GOOD_VIEWS}; take pictures that show more of the board"
         )
     in_board = board.corner_in_board_m
 
@@ -90,9 +97,17 @@ def calibrate_camera(
         return float(rms), matrix, lens.ravel(), list(turns), std.ravel(), each.ravel()
 
     rms, matrix, lens, turns, std, each = solve(used)
+    left_out = 0
     bad = each > OUTLIER * np.median(each)
     if bad.any() and (~bad).sum() >= LEAST_VIEWS:
-        used[np.flatnonzero(used)[bad]] = False
+        misfits = np.flatnonzero(used)[bad]
+        median = float(np.median(each))
+        for view, rms_px in zip(misfits.tolist(), each[bad], strict=True):
+            reasons[view] = (
+                f"residual {rms_px:.2f} px, more than {OUTLIER:g} times the median of {median:.2f} px: a bent board, blur, or a wrong grid"
+            )
+        used[misfits] = False
+        left_out = len(misfits)
         rms, matrix, lens, turns, std, each = solve(used)
     if not (np.isfinite(matrix).all() and np.isfinite(lens).all() and np.isfinite(std[:9]).all()):
         raise MirrorPostureError(
@@ -111,7 +126,7 @@ def calibrate_camera(
     coverage = float(covered.mean())
     tilt = max(float(np.arccos(min(1.0, abs(cv2.Rodrigues(turn)[0][2, 2])))) for turn in turns)
     fx, fy, cx, cy = (float(v) for v in std[:4])
-    weak = _weak(int(used.sum()), int((~used).sum()), covered, tilt, max(fx, fy) / camera.focal_px[0])
+    weak = _weak(int(used.sum()), left_out, covered, tilt, max(fx, fy) / camera.focal_px[0])
     return CameraCalibration(
         camera,
         (fx, fy, cx, cy),
@@ -119,10 +134,18 @@ def calibrate_camera(
         rms,
         np.asarray(each, dtype=np.float64),
         used,
+        reasons,
         coverage,
         tilt,
         tuple(weak),
     )
+
+
+def _too_little(board: Board, seen: Mask) -> str:
+    """Why a view of these corners (N,) tells nothing of a camera; empty where it does. One such view makes OpenCV give up all of them."""
+    if seen.sum() < LEAST_CORNERS:
+        return f"got {counted(int(seen.sum()), 'corner')}, needed {LEAST_CORNERS}; show more of the board"
+    return "" if spans_plane(board, seen) else IN_ONE_LINE
 
 
 def _covered(views: Sequence[Floats], size_px: tuple[int, int]) -> Mask:

@@ -35,15 +35,16 @@ TAKEN_UP = 2.5
 def tested_mirrors(
     rig: Rig, corners_px: Floats, noise_px: float, sources: Sequence[str]
 ) -> tuple[MirrorEstimates, tuple[str, ...]]:
-    """Mirrors of views (V, N, 2) px. If corners fit no mirror within their noise, the deviations of noise
-    and the board's pose are increased to match the residuals, with a warning.
+    """Mirrors of views (V, N, 2) px, NaN where a corner is hidden. If corners fit no mirror within their
+    noise, the deviations of noise and the board's pose are increased to match the residuals, with a warning.
 
     An error that all corners share (a rolling shutter, a bent board, another lens) turns a plane as a
     whole; averaging over many corners does not reduce it. Raises `MirrorPostureError` where no mirror
     explains a view, with the usual mistake that would.
     """
     mirrors = estimate_mirrors(rig, corners_px, noise_px=noise_px)
-    corners = corners_px.shape[1]
+    # A hidden corner tells nothing of its view. (A view of none has no mirror: any count will do there.)
+    corners = np.maximum(np.isfinite(corners_px).all(axis=2).sum(axis=1), 2)
     shown = np.where(mirrors.valid, mirrors.rms_px * np.sqrt(corners / (2 * corners - 3)), np.inf)
     wrong = np.flatnonzero(shown > max(OUTLYING_VIEW_PX, OUTLYING_VIEW * noise_px))
     if len(wrong):
@@ -60,7 +61,8 @@ def tested_mirrors(
     if not (shown > WIDEN_ABOVE * noise_px).any():
         return mirrors, ()
     worst = int(np.argmax(shown))
-    spread = corners_px[worst] - corners_px[worst].mean(axis=0)
+    seen = corners_px[worst][np.isfinite(corners_px[worst]).all(axis=1)]
+    spread = seen - seen.mean(axis=0)
     rotation = TAKEN_UP * float(
         np.sqrt(shown[worst] ** 2 - noise_px**2) / np.sqrt(np.mean(np.sum(spread**2, axis=1)))
     )

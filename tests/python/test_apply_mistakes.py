@@ -94,14 +94,14 @@ def test_encoders_that_agree_with_the_command_share_its_mistake(tmp_path: Path) 
     )
     better = mp.load_session(unit.folder).frames
     np.testing.assert_allclose(better.measured, session.frames.measured * [1.0, np.pi / 180])
-    assert unit.written[0].what.endswith(", and measured: of elbow, which agreed")
+    assert unit.written[0].what.endswith(", and measured:elbow")
     swap = found("joints_swapped", "joint:shoulder<->joint:elbow")
     swapped = apply_diagnosis(session, swap, tmp_path / "swapped")
     better = mp.load_session(swapped.folder).frames
     read = {name: better.measured[:, index] for index, name in enumerate(better.measured_names)}
     np.testing.assert_array_equal(read["shoulder"], session.frames.measured[:, 1])
     np.testing.assert_array_equal(read["elbow"], session.frames.measured[:, 0])
-    assert "measured: of shoulder, elbow" in swapped.written[0].what
+    assert "and measured:shoulder, measured:elbow" in swapped.written[0].what
 
 
 def test_encoders_that_read_otherwise_than_the_command_stay(tmp_path: Path) -> None:

@@ -113,11 +113,27 @@ def test_nothing_is_printed_over_another_thing_or_off_the_page(
         ({"pattern": "dots"}, "chessboard, charuco"),
         ({"pattern": "charuco", "dictionary": "DICT_9"}, "DICT_4X4_50"),
         ({"pattern": "charuco", "marker_size_m": 0.03}, "marker_size"),
+        # Before, 0 printed codes of 75 %, and a chessboard passed over what only codes have.
+        ({"pattern": "charuco", "marker_size_m": 0.0}, "marker_size = 0"),
+        ({"pattern": "charuco", "dictionary": ""}, "DICT_4X4_50"),
+        ({"marker_size_m": 0.01}, "a marker's size with a chessboard"),
+        ({"dictionary": "DICT_4X4_50"}, "a dictionary with a chessboard"),
     ],
 )
 def test_a_board_that_cannot_be_meant_is_refused(changes: dict[str, object], word: str) -> None:
     with pytest.raises(MirrorPostureError, match=word):
         BoardSheet(**changes)  # type: ignore[arg-type]
+
+
+def test_the_command_refuses_options_of_codes_for_a_chessboard(tmp_path: Path) -> None:
+    file = tmp_path / "board.pdf"
+    for words, told in (
+        (["--marker-mm", "8"], "leave it away"),
+        (["--dictionary", "DICT_4X4_50"], "leave it away"),
+        (["--pattern", "charuco", "--marker-mm", "0"], "marker_size = 0"),
+    ):
+        run = CliRunner().invoke(cli.app, ["board", str(file), *words])
+        assert run.exit_code == 1 and told in " ".join(run.stderr.split()) and not file.exists()
 
 
 def test_the_largest_square_that_is_named_fits() -> None:

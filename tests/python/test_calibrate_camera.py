@@ -12,6 +12,8 @@ from typer.testing import CliRunner
 
 from mirror_posture import Board, MirrorPostureError, cli
 from mirror_posture.camera_calibration import calibrate_camera
+from mirror_posture.detect import DetectionSetup
+from mirror_posture.detect.gate import board_residual
 from mirror_posture.session import load_camera_info
 
 SIZE, FOCAL, CENTRE, K1, K2 = (1280, 720), (905.0, 903.0), (652.0, 347.0), -0.21, 0.06
@@ -193,3 +195,106 @@ def test_several_views_that_do_not_fit_do_not_hide_each_other() -> None:
         made[view] = made[view] + noise.normal(0, 1.0, made[view].shape)
     done = calibrate_camera(BOARD, made, SIZE)
     assert np.flatnonzero(~done.used).tolist() == [2, 5, 9, 11, 13]
+
+
+@pytest.mark.parametrize(
+    ("shown", "used"),
+    [
+        # Indices of 7 columns x 4 rows: a row, a row and one corner, after it or before; then what is enough.
+        (range(7), False),
+        ([*range(7, 14), 24], False),
+        ([24, *range(7, 14)], False),
+        ([*range(7), 7, 8], True),
+        ([*range(7), 14, 15], True),
+        ([*range(7), 9, 23], True),
+        ([0, 7, 14, 21, 1, 15], True),
+        ([*range(21, 28), 3, 10], True),
+    ],
+)
+def test_a_view_whose_corners_lie_in_one_line_costs_itself_only(shown: list[int], used: bool) -> None:
+    """Before, OpenCV gave up the whole calibration: "matH0.size() == Size(3, 3)"."""
+    made = views(3, 15, (10, 45))
+    part = np.full((28, 2), np.nan)
+    part[list(shown)] = made[4][list(shown)]
+    made[4] = part
+    done = calibrate_camera(BOARD, made, SIZE)
+    assert bool(done.used[4]) is used and done.used.sum() == 14 + used
+    assert set(done.reasons) == (set() if used else {4})
+    assert used or "in one line" in done.reasons[4]
+    # It says nothing of a view that would not fit the others.
+    assert not any("not fit" in text for text in done.weak)
+    assert done.camera.focal_px[0] == pytest.approx(FOCAL[0], rel=0.01)
+    seen = np.isfinite(part).all(axis=1)
+    gate = board_residual(np.nan_to_num(part), BOARD, None, visible=seen)
+    # (What the lens bends is no homography's, so that a good view may be above the limit here.)
+    assert np.isfinite(gate.rms_px) == used and (gate.no_fit == "") is used
+    assert used or ("in one line" in gate.reason and "wrong grid" not in gate.reason)
+
+
+def test_a_view_in_one_column_and_too_few_others_are_told() -> None:
+    board = Board(4, 7, 0.02)
+    made = [np.full((28, 2), np.nan) for _ in range(4)]
+    for view, full in zip(made, views(3, 4, (10, 45)), strict=True):
+        view[::4] = full[:7]
+    with pytest.raises(MirrorPostureError, match="got 0 views with 6 corners or more that are not in one"):
+        calibrate_camera(board, made, SIZE)
+
+
+def test_boards_of_any_size_are_calibrated_with(tmp_path: Path) -> None:
+    """Before, squares of 100 mm were refused: "does not fit on a3", for a board that had been made."""
+    folder = tmp_path / "pictures"
+    folder.mkdir()
+    for index, picture in enumerate(pictures(5, 6)):
+        cv2.imwrite(str(folder / f"{index:02d}.png"), picture)
+    words = ["calibrate-camera", str(folder), "--corners", "7x4", "--square-mm", "100"]
+    run = CliRunner().invoke(cli.app, [*words, "--out", str(tmp_path / "camera.yaml")])
+    assert run.exit_code == 0, run.output
+    assert load_camera_info(tmp_path / "camera.yaml").focal_px[0] == pytest.approx(900.0, rel=0.05)
+
+
+@pytest.mark.parametrize(
+    ("words", "marker_m"),
+    [
+        (["--charuco", "DICT_4X4_50"], 0.0375),
+        (["--charuco", "DICT_4X4_50", "--marker-mm", "37"], 0.037),
+        (["--charuco", "DICT_4X4_50", "--marker-mm", "30", "--corners", "9x7"], 0.03),
+        ([], None),
+    ],
+)
+def test_the_board_is_the_one_that_was_told(
+    words: list[str], marker_m: float | None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "00.png").write_bytes(b"")
+    boards: list[Board] = []
+
+    def stop(files: object, setup: DetectionSetup, **_: object) -> None:
+        boards.append(setup.board)
+        raise MirrorPostureError("enough")
+
+    monkeypatch.setattr("mirror_posture.detect.detect_pictures", stop)
+    corners = [] if "--corners" in words else ["--corners", "9x6"]
+    out = ["--out", str(tmp_path / "c.yaml")]
+    run = CliRunner().invoke(
+        cli.app, ["calibrate-camera", str(tmp_path), "--square-mm", "50", *corners, *words, *out]
+    )
+    assert "enough" in run.stderr, run.output
+    (board,) = boards
+    assert board.square_m == pytest.approx(0.05) and board.columns == 9
+    assert board.marker_size_m == (None if marker_m is None else pytest.approx(marker_m))
+    assert board.dictionary == ("DICT_4X4_50" if words else None)
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (["--corners", "9x7"], "one odd and one even"),
+        (["--marker-mm", "10"], "needed --charuco"),
+        (["--charuco", "DICT_4X4_50", "--marker-mm", "0"], "marker_size = 0"),
+        (["--charuco", "DICT_4X4_50", "--marker-mm", "20"], "marker_size = 0.02"),
+        (["--charuco", "DICT_9"], "DICT_4X4_50"),
+    ],
+)
+def test_a_board_that_no_picture_could_show_is_refused(words: list[str], told: str, tmp_path: Path) -> None:
+    out = ["--out", str(tmp_path / "c.yaml")]
+    run = CliRunner().invoke(cli.app, ["calibrate-camera", str(tmp_path), *words, *out])
+    assert run.exit_code == 1 and told in " ".join(run.stderr.split()), run.output

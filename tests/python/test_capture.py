@@ -309,6 +309,7 @@ def test_a_driver_goes_from_row_to_row_and_rests_whatever_happens(session: Path,
         pass
     # Through the row that was left out: only from row to row the way is known to be free.
     assert driver.sent == POSTURES and driver.rests == 1 and list(capture.recorder.taken) == [1]
+    assert capture.message == "the plan is through; 1 posture is not taken"
     assert frames(session)["measured:r_elbow"] == [pytest.approx(0.81)]
 
     broken = Driver(fails_at=0)

@@ -14,7 +14,7 @@ from PIL import Image
 
 from mirror_posture import MirrorPostureError
 from mirror_posture.capture import Recorder
-from mirror_posture.detect import read_picture
+from mirror_posture.detect import DetectionError, read_picture
 from mirror_posture.importing.bounds import decoded
 from mirror_posture.picture_files import encoded_picture, write_picture
 from mirror_posture.plan import PlannedFrame
@@ -75,3 +75,19 @@ def test_the_commands_do_not_pass_on_pillows_warning_of_a_picture_within_the_lim
         [sys.executable, "-c", text, str(tmp_path / "pictures"), *board], capture_output=True, text=True
     )
     assert done.returncode == 1 and "exceeds limit" not in done.stderr, done.stderr
+
+
+def test_grey_of_32_bits_is_read_as_the_16_that_it_holds(tmp_path: Path) -> None:
+    """Before, Pillow cut off all levels above 255, and such a picture was white."""
+    levels = np.linspace(0, 65535, 40 * 50).reshape(40, 50).astype(np.int32)
+    file = tmp_path / "grey.tiff"
+    Image.fromarray(levels).save(file)
+    with Image.open(file) as opened:
+        assert opened.mode == "I"
+    read = read_picture(file)
+    assert read.shape == (40, 50, 3) and (read == (levels >> 8)[..., None]).all()
+    for value in (-1, 65536):
+        levels[3, 4] = value
+        Image.fromarray(levels).save(file)
+        with pytest.raises(DetectionError, match=f"grey.tiff: has grey levels .*{value}.*needed 0 to 65535"):
+            read_picture(file)

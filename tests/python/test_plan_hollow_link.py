@@ -37,7 +37,7 @@ def test_an_arm_in_a_hollow_link_is_checked_against_its_walls(tmp_path: Path) ->
     (tmp_path / "robot.urdf").write_text(HOLLOW)
     for name in ("camera.yaml", "session.toml"):
         (tmp_path / name).write_bytes((EMBEDDED_FOLDER / name).read_bytes())
-    toml = 'format = "mirror-posture/session"\nversion = 1\nrobot = "robot.urdf"\ncamera = "camera.yaml"\nroot = "base"\ngravity = [0.0, 0.0, -9.81]\n'
+    toml = 'format = "mirror-posture/session"\nversion = 1\nrobot = "robot.urdf"\ncamera = "camera.yaml"\nroot = "base"\ngravity = [-9.81, 0.0, 0.0]\n'
     toml += '[camera_mount]\nlink = "camera_optical"\n[board]\nlink = "board"\ncorners = [7, 4]\nsquare = 0.02\npattern = "chessboard"\n'
     toml += '[[markers]]\nname = "hand"\nlink = "hand_marker"\ndiameter = 0.02\nmount = "known"\n'
     (tmp_path / "session.toml").write_text(toml)

@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 
+from mirror_posture.plan.picture import MOST_ROWS, _table
 from mirror_posture.plan.sizes import apart_in_words, size_in_words
 from mirror_posture.plan.telling import Rival, Tells
 
@@ -45,3 +46,16 @@ def test_what_no_size_tells_apart_is_said_so() -> None:
     cause = tells("joint_offset", "joint:elbow")
     assert apart_in_words(PLAN, cause, Rival("gear_ratio@joint:elbow", math.inf)) == "at no size"
     assert apart_in_words(PLAN, cause, Rival("gear_ratio@joint:elbow", math.radians(2.0))) == "from 2° on"
+
+
+@pytest.mark.parametrize(("more", "said"), [(0, []), (6, ["... and 6 more, see plan.json"])])
+def test_joints_that_the_picture_has_no_room_for_are_counted(more: int, said: list[str]) -> None:
+    figure = pytest.importorskip("matplotlib.figure").Figure()
+    names = [f"joint_{number}" for number in range(MOST_ROWS + more)]
+    joints = [SimpleNamespace(name=name, parent_link="base") for name in names]
+    nominal = SimpleNamespace(robot=SimpleNamespace(joints=joints))
+    plan: Any = SimpleNamespace(tells=(), setting=SimpleNamespace(nominal=nominal, joint_names=names))
+    _table(axes := figure.subplots(), plan)
+    assert [text.get_text() for text in axes.texts] == said
+    (drawn,) = axes.tables
+    assert {row for row, _ in drawn.get_celld()} == set(range(MOST_ROWS + 1))

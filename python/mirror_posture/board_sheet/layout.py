@@ -33,6 +33,8 @@ TEXT_M = 0.052
 RULER_M = 0.016
 """Width kept left of the board for the vertical ruler."""
 DEFAULT_DICTIONARY = "DICT_4X4_250"
+MARKER_SHARE = 0.75
+"""Side of a code, in squares: OpenCV's corners stay clear of the code's edge."""
 
 
 @dataclass(frozen=True)
@@ -70,10 +72,16 @@ class BoardSheet:
                 "a chessboard looks the same after half a turn otherwise"
             )
         if self.pattern == "charuco":
-            object.__setattr__(self, "dictionary", self.dictionary or DEFAULT_DICTIONARY)
-            # Three quarters of the square: OpenCV's corners stay clear of the code's edge.
-            object.__setattr__(self, "marker_size_m", self.marker_size_m or 0.75 * self.square_m)
+            if self.dictionary is None:
+                object.__setattr__(self, "dictionary", DEFAULT_DICTIONARY)
+            if self.marker_size_m is None:
+                object.__setattr__(self, "marker_size_m", MARKER_SHARE * self.square_m)
             _charuco(self)
+        elif self.marker_size_m is not None or self.dictionary is not None:
+            given = "a marker's size" if self.marker_size_m is not None else "a dictionary"
+            raise MirrorPostureError(
+                f"pattern: got {given} with a chessboard, which has no codes; needed the pattern charuco, or leave it away"
+            )
         self.placement()
 
     @property

@@ -5,6 +5,7 @@ Both are read without the capture's lock: a moving robot must not stop the page.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import cv2
@@ -15,12 +16,14 @@ from ..robots.protocol import ImagePoints
 from .loop import Capture
 
 LIVE_WIDTH_PX = 800
+DEGREES, MILLIMETRES = "°", " mm"
 
 
 def state_of(capture: Capture) -> dict[str, Any]:
     """What the page shows, as JSON holds it."""
     current, found = capture.current, capture.found
     markers = capture.nominal.metadata.markers
+    shown = [] if current is None else _joints(capture, current.commanded)
     return {
         "stage": capture.stage.value,
         "message": capture.message,
@@ -36,7 +39,8 @@ def state_of(capture: Capture) -> dict[str, Any]:
             "frame": current.frame,
             "posture": current.posture,
             "view": current.view,
-            "joints_deg": {k: round(float(np.degrees(v)), 1) for k, v in current.commanded.items()},
+            "joints": shown,
+            "joints_deg": {one["name"]: one["value"] for one in shown if one["unit"] == DEGREES},
         },
         "board": bool(found is not None and found.board_seen.any()),
         "markers": [
@@ -49,6 +53,17 @@ def state_of(capture: Capture) -> dict[str, Any]:
         ],
         "reasons": [] if found is None else list(found.reasons),
     }
+
+
+def _joints(capture: Capture, commanded: Mapping[str, float]) -> list[dict[str, Any]]:
+    """Each joint with its value and unit as a person measures it: degrees, or mm where it slides."""
+    slides = {joint.name for joint in capture.nominal.robot.joints if joint.kind == "prismatic"}
+    return [
+        {"name": name, "value": round(1000.0 * float(value), 1), "unit": MILLIMETRES}
+        if name in slides
+        else {"name": name, "value": round(float(np.degrees(value)), 1), "unit": DEGREES}
+        for name, value in commanded.items()
+    ]
 
 
 def live_jpeg(capture: Capture) -> bytes | None:

@@ -92,7 +92,7 @@ class Capture:
     def _step(self) -> bool:
         current = self.current
         if current is None:
-            return self._end("all postures of the plan are taken")
+            return self._end(self._through_in_words())
         shot = self.source.read()
         if shot is None:
             return self._end(f"the source has no more pictures; {self._left_in_words()}")
@@ -184,7 +184,7 @@ class Capture:
         self.message = f"taken: posture {frame.frame}, board and {counted(balls, 'ball')}"
         self._say(f"frame {frame.frame}: board and {balls} of {len(self.nominal.marker_names)} balls")
         if self.current is None:
-            self._end("all postures of the plan are taken")
+            self._end(self._through_in_words())
         elif self.stage is Stage.STILL:
             self.stage = Stage.MOVING
 
@@ -220,6 +220,11 @@ class Capture:
 
     def _left_in_words(self) -> str:
         return f"{counted(self._left(), 'posture is', 'postures are')} not taken"
+
+    def _through_in_words(self) -> str:
+        if not self._left():
+            return "all postures of the plan are taken"
+        return f"the plan is through; {self._left_in_words()}"
 
     def do(self, action: str) -> str:
         """An action of the user: start, pause, turned, skip, again, finish. Returns what was done.

@@ -23,6 +23,7 @@ from .loop import Capture
 
 PAGE = Path(__file__).parent / "page.html"
 LARGEST_REQUEST = 1000
+HTTP_PORT = 80
 POLICY = (
     "default-src 'none'; img-src 'self' blob:; style-src 'unsafe-inline'; script-src 'nonce-{nonce}'; connect-src 'self'; "
     "base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
@@ -82,7 +83,11 @@ class CaptureServer:
 
             def _own(self, scheme: str = "") -> tuple[str, ...]:
                 port_ = int(self.server.server_address[1])  # type: ignore[index]
-                return tuple(f"{scheme}{name}:{port_}" for name in ("127.0.0.1", "localhost"))
+                # Browsers leave out the port that `http` means anyway.
+                ports = (f":{port_}", "") if port_ == HTTP_PORT else (f":{port_}",)
+                return tuple(
+                    f"{scheme}{name}{ending}" for name in ("127.0.0.1", "localhost") for ending in ports
+                )
 
             def _asked(self) -> str | None:
                 """The requested path below the token; None where the request was refused."""

@@ -39,6 +39,7 @@ DEFAULT_MAX_RESIDUAL_SQUARES = 0.02
 LARGEST_DEFAULT_RESIDUAL_PX = 3.0
 # Fewer corners than this cannot carry a cubic polynomial (10 terms) and still show a residual.
 MIN_CORNERS_FOR_CUBIC = 24
+IN_ONE_LINE = "the corners that are seen lie in one line, or all but one do: needed two off every line; show more of the board"
 
 
 @dataclass(frozen=True)
@@ -78,6 +79,8 @@ class GateResult(ShortRepr):
     rms_px: float
     limit_px: float
     degrees_of_freedom: int
+    no_fit: str = ""
+    """Why no flat board was fitted at all; the residuals are infinite then."""
 
     @property
     def ok(self) -> bool:
@@ -87,10 +90,25 @@ class GateResult(ShortRepr):
     def reason(self) -> str:
         if self.ok:
             return ""
+        if self.no_fit:
+            return self.no_fit
         return (
             f"residual {self.rms_px:.2f} px RMS against a flat board is above the limit of {self.limit_px:.2f} px: "
             "a wrong grid, a bent board, or a camera file that is not this camera's"
         )
+
+
+def spans_plane(board: Board, seen: npt.NDArray[np.bool_]) -> bool:
+    """Whether the seen corners `(N,)` determine the board's plane: at least two of them lie off every line, and so in two rows and two columns."""
+    rows, columns = np.divmod(np.flatnonzero(seen), board.columns)
+    if len(rows) < 4:
+        return False
+    # A line that holds all of them but one holds two of any three.
+    for a, b in ((0, 1), (0, 2), (1, 2)):
+        off = (columns[b] - columns[a]) * (rows - rows[a]) - (rows[b] - rows[a]) * (columns - columns[a])
+        if np.count_nonzero(off) < 2:
+            return False
+    return True
 
 
 def board_residual(
@@ -108,6 +126,8 @@ def board_residual(
     if visible is not None:
         plane, pixels = plane[visible], pixels[visible]
     count = len(plane)
+    if visible is not None and not spans_plane(board, visible):
+        return _unfitted(count, limit, IN_ONE_LINE)
     view = _view_plane(pixels, camera)
     homography = None
     if count >= 4 and view is not None and np.isfinite(view.measured).all():
@@ -116,7 +136,11 @@ def board_residual(
     if view is not None and homography is not None and np.isfinite(homography).all():
         fitted = view.to_pixels(cv2.perspectiveTransform(plane[None], homography)[0])
     if fitted is None:
-        return GateResult(np.full((count, 2), np.inf), float("inf"), limit, 2 * count - 8)
+        return _unfitted(
+            count,
+            limit,
+            "no flat board fits its corners: a wrong grid, or a camera file that is not this camera's",
+        )
     residuals = pixels - fitted
     freedom = 2 * count - 8
     if camera is None and count >= MIN_CORNERS_FOR_CUBIC:
@@ -126,6 +150,10 @@ def board_residual(
         freedom = 2 * (count - basis.shape[1])
     rms = float(np.sqrt(np.mean(np.sum(residuals**2, axis=1))))
     return GateResult(residuals, rms, limit, freedom)
+
+
+def _unfitted(count: int, limit_px: float, why: str) -> GateResult:
+    return GateResult(np.full((count, 2), np.inf), float("inf"), limit_px, 2 * count - 8, why)
 
 
 @dataclass(frozen=True)

@@ -26,6 +26,8 @@ from .types import DetectionError
 Picture = npt.NDArray[np.uint8]
 
 MIN_SIDE_PX = 16
+LARGEST_LEVEL = 65535
+"""Of a grey picture of 16 bits."""
 LARGEST_PICTURE = 1_000_000_000
 """Bytes of a picture's file at most: more than 150 million pixels of 48 bits have."""
 
@@ -112,7 +114,7 @@ def read_picture_file(path: Path | str) -> PictureFile:
             pixels = (
                 _jpeg(content, str(file))
                 if _is_plain_jpeg(picture)
-                else _bgr(_as_stored(picture, orientation))
+                else _bgr(_as_stored(picture, orientation), str(file))
             )
     # Decoders fail with errors of many kinds, broken metadata included.
     except DetectionError:
@@ -151,9 +153,18 @@ def _as_stored(picture: Image.Image, orientation: int) -> Image.Image:
     return picture
 
 
-def _bgr(picture: Image.Image) -> npt.NDArray[np.generic]:
+def _bgr(picture: Image.Image, name: str) -> npt.NDArray[np.generic]:
     if picture.mode in ("I;16", "I;16B", "I;16L"):
         return np.asarray(picture).astype(np.uint16)
+    if picture.mode == "I":
+        # Grey of 32 bits, in which 16 are stored. Pillow's own conversion would cut off all above 255.
+        levels = np.asarray(picture)
+        least, most = int(levels.min()), int(levels.max())
+        if least < 0 or most > LARGEST_LEVEL:
+            raise DetectionError(
+                f"{name}: has grey levels from {least} to {most}; needed 0 to {LARGEST_LEVEL}; save it with 8 or 16 bits"
+            )
+        return levels.astype(np.uint16)
     if picture.mode == "F":
         return np.asarray(picture)
     if picture.mode in ("1", "L"):

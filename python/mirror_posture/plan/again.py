@@ -24,10 +24,11 @@ from .room import Room, room_of
 from .setting import Setting, read_setting
 from .sight import scene_of
 from .simple import planned_mirrors
-from .table import DOCUMENT
+from .table import DOCUMENT, VIEWS, PlannedFrame
 
 NEEDED = "the plan.json of `mirror-posture plan`"
 SAME_TURN_RAD = 1e-6
+SAME_PLACE_M = 1e-6
 MORE_YAWS_DEG, MORE_PITCHES_DEG = range(-24, 25, 6), range(-16, 17, 4)
 """Ways to turn the mirror for one posture: a plan tries fewer, for thousands."""
 
@@ -83,7 +84,7 @@ class PlannedRoom:
                 reasons[f"{', '.join(unseen)} is not to be seen in the mirror, or hidden by the robot"] += 1
             else:
                 good.append(view)
-        for posture in () if start is None else between(start, positions):
+        for posture in () if start is None else between(self.room.steps, start, positions):
             self.room.take(posture)
             touched = [view for view in good if not self.room.glass_free(places[view])]
             reasons["it comes too near to the glass on the way there"] += len(touched)
@@ -140,16 +141,16 @@ def read_planned_room(folder: Path, nominal: Nominal) -> PlannedRoom:
         length = float(np.linalg.norm(normal))
         if abs(length - 1.0) > SAME_TURN_RAD:
             raise MirrorPostureError(
-                f"{folder / 'views.csv'}: frame {row.frame}: the normal has length {length:.6g}, needed 1"
+                f"{folder / VIEWS}: frame {row.frame}: the normal has length {length:.6g}, needed 1"
             )
         up = up_in_root - (up_in_root @ normal) * normal
         if np.linalg.norm(up) < SAME_TURN_RAD:
             raise MirrorPostureError(
-                f"{folder / 'views.csv'}: frame {row.frame}: the mirror lies flat, needed an upright one"
+                f"{folder / VIEWS}: frame {row.frame}: the mirror lies flat, needed an upright one"
             )
-        places.setdefault(
-            row.view, MirrorPlace(center, normal, up / np.linalg.norm(up), *options.mirror_size_m)
-        )
+        place = MirrorPlace(center, normal, up / np.linalg.norm(up), *options.mirror_size_m)
+        # One mirror stands for all rows of its view: a row changed by hand would be judged before another mirror.
+        _check_same(folder / VIEWS, row, place, places.setdefault(row.view, place))
     mirrors = tuple(places[view] for view in sorted(places))
     forward = setting.base_from_root[:3, :3].T @ setting.forward
     others = turned_mirrors(
@@ -158,6 +159,19 @@ def read_planned_room(folder: Path, nominal: Nominal) -> PlannedRoom:
     if not options.mirror_fixed:
         mirrors += tuple(one for one in others if all(_apart(one, mirror) for mirror in mirrors))
     return PlannedRoom(setting, options, room, mirrors, tuple(warnings), tuple(ignored))
+
+
+def _check_same(file: Path, row: PlannedFrame, place: MirrorPlace, first: MirrorPlace) -> None:
+    for name, limit, got, needed in (
+        ("center_{}_m", SAME_PLACE_M, place.center_in_root_m, first.center_in_root_m),
+        ("normal_{}", SAME_TURN_RAD, place.normal_in_root, first.normal_in_root),
+    ):
+        for axis, a, b in zip("xyz", got, needed, strict=True):
+            if abs(a - b) > limit:
+                raise MirrorPostureError(
+                    f"{file}: frame {row.frame}, column {name.format(axis)!r}: got {a:.9g}, needed {b:.9g} as in the first row of view "
+                    f"{row.view}; write the same mirror in all rows of a view, or give this row a view of its own"
+                )
 
 
 def _apart(one: MirrorPlace, other: MirrorPlace) -> bool:

@@ -20,8 +20,6 @@ from .room import Room
 from .sensitivity import Sensitivity
 from .setting import Setting
 
-STEP_RAD = 0.15
-"""A path between two postures is checked at least this often."""
 TRIES = 12
 """Successors whose path is checked before a posture is left out."""
 
@@ -108,13 +106,15 @@ def order(
     start: Floats,
     tally: Floats,
     torque: Floats,
+    after: MirrorPlace | None = None,
 ) -> tuple[list[int], Counter[str]]:
     """The order in which these postures (N, nq) are taken from `start`: free paths, each joint from both
     sides.
 
     `tally` (3, nq) is changed: the sums of the sides, and of the sides times load and times position, which
     must stay near 0, so that play, gravity and gear do not look alike. Postures that no free path reaches
-    are left out, with the reason.
+    are left out, with the reason. The last one is clear of `after` too, the mirror's next
+    view, where one of them is.
     """
     here, found = start, []
     trouble: Counter[str] = Counter()
@@ -146,7 +146,15 @@ def order(
             why = blocked
         else:
             break
-    left = _between(setting, room, mirror, positions, start, found, left + aside, ways_home)
+    ends = ways_home
+    if after is not None:
+        # The robot stands at the last one while the mirror is turned.
+        clear = [free and stands_clear(room, after, row) for free, row in zip(ends, positions, strict=True)]
+        if any(clear[row] for row in found):
+            ends = clear
+            while not ends[found[-1]]:
+                left.append(found.pop())
+    left = _between(setting, room, mirror, positions, start, found, left + aside, ends)
     if left:
         words = f"on the way there it {why}" if why else "no free way leads there from another posture and on"
         trouble[words] += len(left)
@@ -186,11 +194,17 @@ def _between(
     return left
 
 
+def stands_clear(room: Room, mirror: MirrorPlace, posture: Floats) -> bool:
+    """Whether the mirror can be turned there while the robot stands in a posture (nq,)."""
+    room.take(posture)
+    return room.glass_free(mirror)
+
+
 def path_blocked(
     setting: Setting, room: Room, mirror: MirrorPlace | None, start: Floats, end: Floats
 ) -> str | None:
     """What the straight way between two postures runs into; None where it is free. The ends are not checked again."""
-    for posture in between(start, end):
+    for posture in between(room.steps, start, end):
         room.take(posture)
         trouble = room.collision()
         if trouble is not None:
@@ -200,8 +214,8 @@ def path_blocked(
     return None
 
 
-def between(start: Floats, end: Floats) -> Iterator[Floats]:
-    """Postures on the straight way between two, close enough to check it; the ends are not among them."""
-    steps = max(2, int(np.ceil(np.abs(end - start).max() / STEP_RAD)))
-    for share in np.linspace(0.0, 1.0, steps + 1)[1:-1]:
+def between(steps: Floats, start: Floats, end: Floats) -> Iterator[Floats]:
+    """Postures on the straight way between two, no joint farther apart than its step; the ends are not among them."""
+    count = max(2, int(np.ceil((np.abs(end - start) / steps).max())))
+    for share in np.linspace(0.0, 1.0, count + 1)[1:-1]:
         yield start + share * (end - start)

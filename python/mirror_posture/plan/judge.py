@@ -13,7 +13,7 @@ import numpy as np
 from ..robots.nominal import Nominal
 from .again import PlannedRoom, read_planned_room
 from .candidates import sift
-from .choose import path_blocked
+from .choose import path_blocked, stands_clear
 from .options import MirrorPlace, square_to
 from .run import SECONDS_A_FRAME, Plan, told_by
 from .sensitivity import Sensitivity
@@ -54,6 +54,10 @@ def judge_plan(folder: str | os.PathLike[str], plan_folder: Path) -> tuple[Plan,
         blocked = path_blocked(setting, room, mirror, before, positions[at])
         if blocked is not None:
             trouble.append(f"on the way there it {blocked}")
+        if at and view[at] != view[at - 1] and not stands_clear(room, mirror, before):
+            trouble.append(
+                "the row before it comes too near to the glass when the mirror is turned for this one"
+            )
         if trouble:
             wrong.append(f"frame {row.frame}: {'; '.join(trouble)}")
         before = positions[at]

@@ -98,7 +98,11 @@ def _mirror(panel: Any, plan: Plan, mirror: MirrorPlace, axes: tuple[Floats, Flo
 
 def _table(axes: Any, plan: Plan) -> None:
     axes.axis("off")
-    rows = table_rows(plan)[:MOST_ROWS]
+    rows = table_rows(plan)
+    if len(rows) > MOST_ROWS:
+        more = f"... and {len(rows) - MOST_ROWS} more, see plan.json"
+        axes.text(0.5, 0.0, more, transform=axes.transAxes, ha="center", va="bottom", fontsize=9)
+        rows = rows[:MOST_ROWS]
     drawn = axes.table(
         cellText=[row[1:] for row in rows],
         rowLabels=[row[0] for row in rows],

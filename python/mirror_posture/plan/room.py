@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -18,6 +19,8 @@ if TYPE_CHECKING:
     from ..shapes.body import Body
 
 
+STEP_RAD = 0.15
+"""A path between two postures is checked at least this often where joints turn."""
 GLASS_CLEARANCES = 3.0
 """Clearances of the body from the glass, because the mirror is not exactly where it was meant."""
 ALWAYS_SAMPLES = 40
@@ -38,6 +41,18 @@ class Room:
     clearance_m: float
     table_m: float | None
     """Height along `up` in the base's frame."""
+
+    @cached_property
+    def steps(self) -> Floats:
+        """(nq,): how far each joint may go between two checks of a path, rad (m); one that slides by the clearance, which it must not pass unseen."""
+        robot = self.setting.nominal.robot
+        per_step = np.full(len(robot.position_names), 1e-9)
+        for joint in robot.joints:
+            if joint.position is not None:
+                step = self.clearance_m if joint.kind == "prismatic" else STEP_RAD
+                # A coupled joint moves with the column of another.
+                per_step[joint.position] = max(per_step[joint.position], abs(joint.multiplier) / step)
+        return 1.0 / per_step
 
     def links(self) -> list[str]:
         """The links that the plan moves."""

@@ -8,6 +8,7 @@ import os
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -18,7 +19,7 @@ from ..counted import counted
 from ..robots.nominal import Nominal
 from .candidates import Candidates, sift
 from .causes import moments
-from .choose import choose, information_roots, order
+from .choose import choose, information_roots, order, stands_clear
 from .options import MirrorPlace, PlanOptions, turned_mirrors
 from .room import Room, room_of
 from .sensitivity import Sensitivity
@@ -122,6 +123,7 @@ def make_plan(
         warnings.append(
             f"{len(rows)} pictures are planned, {frames} were asked for: no more postures can be taken"
         )
+    warnings += _standing(setting, room, [mirrors[v] for v in view], positions)
     _, posture = np.unique(positions.round(12), axis=0, return_inverse=True)
     if not options.same_postures:
         posture = np.arange(len(rows))
@@ -250,16 +252,35 @@ def _ordered(
     trouble: Counter[str] = Counter()
     tally = np.zeros((3, candidates.positions.shape[1]))
     here = setting.home
-    for view, block in enumerate(chosen):
-        if not block:
-            continue
+    views = [view for view, block in enumerate(chosen) if block]
+    for view, after in zip(views, [*views[1:], None], strict=True):
+        block = chosen[view]
         postures = candidates.positions[block]
-        found, why = order(setting, room, mirrors[view], postures, here, tally, sensitivity.torques(postures))
+        onward = None if after is None else mirrors[after]
+        torque = sensitivity.torques(postures)
+        found, why = order(setting, room, mirrors[view], postures, here, tally, torque, onward)
         trouble += why
         rows += [block[i] for i in found]
         if found:
             here = postures[found[-1]]
     return rows, trouble
+
+
+def _standing(setting: Setting, room: Room, mirrors: Sequence[MirrorPlace], positions: Floats) -> list[str]:
+    """What is in the robot's way where it begins, and where it stands while the mirror is turned: paths are checked between their ends only."""
+    clear = stands_clear(room, mirrors[0], setting.home)
+    trouble = room.collision() or (None if clear else "comes too near to the glass of the first view")
+    found = []
+    if trouble is not None:
+        found.append(
+            f"at home the robot {trouble}: begin at another --home, or check --table and --mirror-at"
+        )
+    found += [
+        f"at frame {at} the robot is too near to the glass of the next view: move it away before you turn the mirror"
+        for at, (mirror, after) in enumerate(pairwise(mirrors))
+        if after is not mirror and not stands_clear(room, after, positions[at])
+    ]
+    return found
 
 
 def _renumbered(posture: Integers) -> Integers:

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from ...counted import counted
 from ..output import JsonOption, Output
 from ..values import two_counts
+
+if TYPE_CHECKING:
+    from ...board import Board
 
 ORDER = 6
 PANEL = "Setting up"
@@ -34,6 +37,9 @@ def command(
     charuco: Annotated[
         str | None, typer.Option(help="The board is a ChArUco of `board`, with this dictionary.")
     ] = None,
+    marker_mm: Annotated[
+        float | None, typer.Option(help="With --charuco: side of a code, mm. By default 0.75 of a square.")
+    ] = None,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace the file.")] = False,
     as_json: JsonOption = False,
 ) -> None:
@@ -57,7 +63,6 @@ def command(
     import numpy as np
 
     from ..._core import MirrorPostureError
-    from ...board_sheet import BoardSheet
     from ...camera_calibration import calibrate_camera
     from ...detect import (
         BoardOptions,
@@ -72,8 +77,7 @@ def command(
     if out.exists() and not overwrite:
         raise MirrorPostureError(f"{out}: is there already; add --overwrite")
     nx, ny = two_counts(corners, "--corners", "7x4")
-    pattern = "chessboard" if charuco is None else "charuco"
-    board = BoardSheet(nx, ny, square_mm / 1000.0, pattern, None, charuco, "a3").board()
+    board = _board(nx, ny, square_mm / 1000.0, charuco, None if marker_mm is None else marker_mm / 1000.0)
     options = DetectionOptions(board=BoardOptions(views=("direct",)))
     if source is not None:
         from ...capture.board_pictures import take_board_pictures
@@ -147,6 +151,8 @@ def command(
             ("largest tilt, degrees", f"{np.degrees(done.largest_tilt_rad):.0f}", ""),
         ],
     )
+    for number, why in sorted(done.reasons.items()):
+        output.warn(f"{names[number]}: left out ({why})")
     for text in done.weak:
         output.warn(text)
     output.say(f"written: {out}")
@@ -164,3 +170,29 @@ def command(
             "weak": list(done.weak),
         }
     )
+
+
+def _board(nx: int, ny: int, square_m: float, charuco: str | None, marker_m: float | None) -> Board:
+    """The board as it was made, by `board` or by others: of any size, on any material."""
+    from ..._core import MirrorPostureError
+    from ...board import CHARUCO, Board
+    from ...board_sheet.layout import MARKER_SHARE
+    from ...detect.charuco import charuco_board
+
+    if charuco is None:
+        if marker_m is not None:
+            raise MirrorPostureError(
+                f"--marker-mm: got {1000 * marker_m:g} for a chessboard, which has no codes; needed --charuco with it, or leave it away"
+            )
+        if nx % 2 == ny % 2:
+            raise MirrorPostureError(
+                f"--corners: got {nx}x{ny}, needed one odd and one even count of inner corners (as {nx}x{ny + 1}): "
+                "a chessboard looks the same after half a turn otherwise, and no picture of it is used"
+            )
+        return Board(nx, ny, square_m)
+    board = Board(
+        nx, ny, square_m, CHARUCO, MARKER_SHARE * square_m if marker_m is None else marker_m, charuco
+    )
+    # Refuses a dictionary that OpenCV lacks, or that has too few codes, before any picture is taken.
+    charuco_board(board)
+    return board

@@ -111,4 +111,4 @@ def _as_commanded(frames: Frames, names: Sequence[str]) -> list[str]:
 
 
 def _also(names: Sequence[str]) -> str:
-    return f", and measured: of {', '.join(names)}, which agreed" if names else ""
+    return f", and {', '.join(f'measured:{name}' for name in names)}" if names else ""
