@@ -1,5 +1,7 @@
 //! The crate's one error type: each variant contains what was given and what was required.
 
+use nalgebra::SMatrix;
+
 /// All errors of the core, with what was given, what was required and the fix.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
@@ -243,4 +245,18 @@ pub(crate) fn positive(what: &str, value: f64) -> Result<f64> {
     } else {
         Err(Error::OutOfRange { what: what.to_owned(), got: value, needed: "a number above 0".to_owned() })
     }
+}
+
+/// Refuses a number that is not finite, and one below zero.
+pub(crate) fn not_negative(what: &str, value: f64) -> Result<f64> {
+    if finite(what, value)? >= 0.0 {
+        return Ok(value);
+    }
+    Err(Error::OutOfRange { what: what.to_owned(), got: value, needed: "0 or above".to_owned() })
+}
+
+/// Whether a covariance is finite and symmetric but for rounding: factorisations read one triangle of it.
+pub(crate) fn is_symmetric<const N: usize>(covariance: &SMatrix<f64, N, N>) -> bool {
+    let size = covariance.amax();
+    size.is_finite() && (covariance - covariance.transpose()).amax() <= 1e-9 * size
 }

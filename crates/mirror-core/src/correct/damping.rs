@@ -1,7 +1,7 @@
 //! How strongly the pseudo-inverse `Jᵀ (J Jᵀ + μ² I)⁻¹` is damped.
 
 use super::cholesky::{factor, inverse_of_lower};
-use crate::error::{Result, positive};
+use crate::error::{Result, not_negative, positive};
 
 /// The damping μ of the pseudo-inverse, m/rad.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -32,14 +32,7 @@ impl Damping {
     pub(super) fn check(&self) -> Result<()> {
         match *self {
             Self::Fixed { mu_m_per_rad } => {
-                crate::error::finite("damping mu_m_per_rad", mu_m_per_rad)?;
-                if mu_m_per_rad < 0.0 {
-                    return Err(crate::Error::OutOfRange {
-                        what: "damping mu_m_per_rad".to_owned(),
-                        got: mu_m_per_rad,
-                        needed: "0 or more".to_owned(),
-                    });
-                }
+                not_negative("damping mu_m_per_rad", mu_m_per_rad)?;
             }
             Self::Noise { step_std_rad } => {
                 positive("damping step_std_rad", step_std_rad)?;

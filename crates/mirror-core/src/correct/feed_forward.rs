@@ -6,7 +6,7 @@
 //! stiction, leave a joint on the side from which it came: it is moved there over a way-point beyond the goal, on
 //! the side on which its load holds it.
 
-use crate::error::{Error, Result, finite};
+use crate::error::{Error, Result, finite, not_negative};
 use crate::robot::{JointTerm, Robot};
 use nalgebra::Vector3;
 use std::sync::Arc;
@@ -75,8 +75,8 @@ impl Law {
             JointTerm::Sine => self.sine += small(error)?,
             JointTerm::CosineLessOne => self.cosine += small(error)?,
             JointTerm::Compliance => self.compliance += error.value,
-            JointTerm::Play => self.half_play += width(error)? / 2.0,
-            JointTerm::DeadBand => self.half_play += width(error)?,
+            JointTerm::Play => self.half_play += not_negative(&of_joint(error), error.value)? / 2.0,
+            JointTerm::DeadBand => self.half_play += not_negative(&of_joint(error), error.value)?,
             JointTerm::Coupling => {
                 let driver = error.driver.ok_or_else(|| Error::UnknownName {
                     what: "driver of a coupled joint",
@@ -145,7 +145,7 @@ impl FeedForward {
                     });
                 }
             }
-            finite(&format!("{} of a joint", error.term.name()), error.value)?;
+            finite(&of_joint(error), error.value)?;
             let at = laws.iter().position(|law| law.position == error.position).unwrap_or_else(|| {
                 laws.push(Law { position: error.position, ..Law::default() });
                 laws.len() - 1
@@ -248,16 +248,9 @@ fn side(torque: f64) -> f64 {
     if torque > 0.0 { 1.0 } else { -1.0 }
 }
 
-/// A width, which is not negative.
-fn width(error: &JointError) -> Result<f64> {
-    if error.value >= 0.0 {
-        return Ok(error.value);
-    }
-    Err(Error::OutOfRange {
-        what: format!("{} of a joint", error.term.name()),
-        got: error.value,
-        needed: "0 or above".into(),
-    })
+/// What an error is called in messages.
+fn of_joint(error: &JointError) -> String {
+    format!("{} of a joint", error.term.name())
 }
 
 fn small(error: &JointError) -> Result<f64> {
@@ -265,7 +258,7 @@ fn small(error: &JointError) -> Result<f64> {
         return Ok(error.value);
     }
     Err(Error::OutOfRange {
-        what: format!("{} of a joint", error.term.name()),
+        what: of_joint(error),
         got: error.value,
         needed: format!(
             "less than {LARGEST_SHARE}: what is larger is no small error that a command can mend"

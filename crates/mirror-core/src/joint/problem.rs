@@ -1,7 +1,7 @@
 //! The input of the joint estimator, validated once.
 
 use crate::cancel::Cancel;
-use crate::error::{Error, Result, finite, positive};
+use crate::error::{Error, Result, finite, is_symmetric, positive};
 use crate::mirror::Via;
 use crate::mirror::{BoardView, Loss, MirrorOptics, Sphere};
 use nalgebra::{Isometry3, Matrix6, Vector2};
@@ -102,10 +102,7 @@ impl BoardPrior {
             Self::Exact => Ok(None),
             Self::Unknown => Ok(Some(Matrix6::zeros())),
             Self::Covariance(covariance) => {
-                let asymmetry = (covariance - covariance.transpose()).amax();
-                // (Cholesky's factor is of the lower triangle alone.) Written so that NaN fails.
-                let symmetric = asymmetry <= 1e-9 * covariance.amax() && covariance.amax().is_finite();
-                let factor = covariance.cholesky().filter(|_| symmetric);
+                let factor = covariance.cholesky().filter(|_| is_symmetric(covariance));
                 factor.map(|f| Some(f.inverse())).ok_or_else(|| Error::OutOfRange {
                     what: "determinant of the prior covariance of the camera-board transform".into(),
                     got: covariance.determinant(),

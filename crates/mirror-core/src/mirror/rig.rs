@@ -3,7 +3,7 @@
 use super::board::Board;
 use super::optics::MirrorOptics;
 use crate::camera::Camera;
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, is_symmetric};
 use nalgebra::{Isometry3, Matrix6};
 
 /// What does not change between the views of a session: the camera, the board and how they are fixed to each other.
@@ -56,11 +56,10 @@ impl Rig {
     /// # Errors
     /// [`Error::OutOfRange`] where the matrix is not symmetric and positive semi-definite.
     pub fn with_covariance(mut self, covariance: Matrix6<f64>) -> Result<Self> {
-        let asymmetry = (covariance - covariance.transpose()).amax();
         let size = covariance.amax();
         let smallest = if size.is_finite() { covariance.symmetric_eigenvalues().min() } else { f64::NAN };
         // Rounding makes eigenvalues of a semi-definite matrix slightly negative.
-        if !(asymmetry <= 1e-9 * size && smallest >= -1e-9 * size) {
+        if !(is_symmetric(&covariance) && smallest >= -1e-9 * size) {
             return Err(Error::OutOfRange {
                 what: "smallest eigenvalue of the camera-board covariance".into(),
                 got: smallest,

@@ -2,7 +2,7 @@
 
 use super::super::plausible::Implausible;
 use super::super::stop::Stop;
-use crate::error::{Error, Result, finite};
+use crate::error::{Error, Result, finite, is_symmetric, not_negative};
 use nalgebra::{Matrix3, Vector3};
 use serde::Serialize;
 
@@ -23,21 +23,14 @@ impl Reading {
     /// Refuses numbers that are not finite, a covariance that is not positive definite, a negative sum of squares.
     pub(super) fn check(&self) -> Result<()> {
         let numbers = self.point_in_frame_m.iter().chain(self.covariance_m2.iter());
-        numbers.chain([&self.chi_squared]).try_for_each(|v| finite("reading of a marker", *v).map(drop))?;
-        let refuse = |what: &str, got: f64, needed: &str| {
-            Err(Error::OutOfRange { what: what.to_owned(), got, needed: needed.to_owned() })
-        };
-        if self.chi_squared < 0.0 {
-            return refuse("sum of a marker's squared residuals", self.chi_squared, "0 or above");
-        }
-        let asymmetry = (self.covariance_m2 - self.covariance_m2.transpose()).amax();
-        if asymmetry > 1e-9 * self.covariance_m2.amax() || self.covariance_m2.cholesky().is_none() {
-            let determinant = self.covariance_m2.determinant();
-            return refuse(
-                "determinant of a marker's covariance (m^6)",
-                determinant,
-                "a symmetric positive definite 3×3 matrix",
-            );
+        numbers.copied().try_for_each(|v| finite("reading of a marker", v).map(drop))?;
+        not_negative("sum of a marker's squared residuals", self.chi_squared)?;
+        if !is_symmetric(&self.covariance_m2) || self.covariance_m2.cholesky().is_none() {
+            return Err(Error::OutOfRange {
+                what: "determinant of a marker's covariance (m^6)".to_owned(),
+                got: self.covariance_m2.determinant(),
+                needed: "a symmetric positive definite 3×3 matrix".to_owned(),
+            });
         }
         Ok(())
     }

@@ -1,7 +1,7 @@
 //! The recording, validated: the input of the diagnosis.
 
 use crate::camera::Camera;
-use crate::error::{Error, Result, finite, positive};
+use crate::error::{Error, Result, finite, not_negative, positive};
 pub use crate::mirror::Via;
 use nalgebra::{Point3, Vector2, Vector3};
 
@@ -225,13 +225,6 @@ impl Recording {
         }
         Ok(())
     }
-}
-
-fn not_negative(what: &str, value: f64) -> Result<f64> {
-    if finite(what, value)? >= 0.0 {
-        return Ok(value);
-    }
-    Err(Error::OutOfRange { what: what.to_owned(), got: value, needed: "0 or above".to_owned() })
 }
 
 fn check_index(what: &str, got: usize, count: usize) -> Result<()> {

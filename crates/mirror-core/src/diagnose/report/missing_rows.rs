@@ -9,8 +9,12 @@ use crate::diagnose::principles::WORTH_NAMING;
 /// The warning where more than a few postures follow on a gap in the frames' numbers; none where the numbers are not counted one
 /// by one, or the rows are in no order.
 pub(crate) fn rows_are_missing(recording: &Recording) -> Option<String> {
-    let steps =
-        || recording.frames.windows(2).map(|w| (w[1].number - w[0].number, w[1].posture != w[0].posture));
+    let steps = || {
+        recording
+            .frames
+            .windows(2)
+            .map(|w| (w[1].number.saturating_sub(w[0].number), w[1].posture != w[0].posture))
+    };
     let by_one = steps().filter(|(step, _)| *step == 1).count();
     let moves = steps().filter(|(_, moved)| *moved).count();
     let after_gap = steps().filter(|(step, moved)| *moved && *step > 1).count();

@@ -24,4 +24,8 @@ fn deleted_rows_are_told_and_other_ways_to_number_rows_are_not() {
     let mut by_tens = whole.clone();
     by_tens.frames.iter_mut().for_each(|f| f.number *= 10);
     assert_eq!(rows_are_missing(&by_tens), None);
+    // Numbers as far apart as numbers can be.
+    by_tens.frames[0].number = i64::MIN;
+    by_tens.frames[1].number = i64::MAX;
+    assert_eq!(rows_are_missing(&by_tens), None);
 }
