@@ -655,6 +655,20 @@ class GapRecording:
     def quantities(self) -> dict[str, Any]: ...
 
 @final
+class PlannedSession:
+    def __new__(cls, recording: GapRecording) -> PlannedSession: ...
+    def choose(
+        self,
+        frames: Sequence[Sequence[int]],
+        block: Sequence[int],
+        posture: Sequence[int],
+        most: Sequence[int],
+    ) -> list[int]: ...
+    def foresee(
+        self,
+    ) -> list[tuple[str, str, list[tuple[str, float | None]], list[tuple[str, str, float | None]]]]: ...
+
+@final
 class DiagnosisProgress:
     def __new__(cls) -> DiagnosisProgress: ...
     @property

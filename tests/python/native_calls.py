@@ -135,6 +135,11 @@ def calls() -> list[Call]:
         text = args[1] if isinstance(args[1], str) else json.dumps(args[1], default=str)
         _core.GapRecording(args[0], text, *args[2:]).quantities()
 
+    def plan(*args: Any) -> None:
+        made = _core.PlannedSession(recording)
+        made.choose(*args)
+        made.foresee()
+
     cov = np.tile(np.eye(3) * 1e-6, (1, 1, 1))
     return [
         ("Camera", _core.Camera, [(800, 600), (693.0, 694.0), (399.5, 299.5), "plumb_bob", [0.01] * 5], {}),
@@ -190,6 +195,7 @@ def calls() -> list[Call]:
          [dict(zip(robot.link_names, poses[0], strict=True)), sketch], drawn),
         ("GapRecording", record, recorded, {}),
         ("GapRecording again", record, recorded, {}),
+        ("PlannedSession", plan, [[[0], [1, 2]], [0, 0], [0, 1], [2]], {}),
         ("diagnose", recording.diagnose, [["pairing"], 1, [("other", recording, [])], [own], False], {}),
     ]  # fmt: skip
 

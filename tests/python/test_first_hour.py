@@ -101,6 +101,9 @@ def test_every_command_says_what_the_page_prints(
         line, output = page["import"]
         compare(here, monkeypatch, line, re.sub(r"\(correlation [0-9.]+\)", "(correlation …)", output))
         (session / "camera.yaml").write_text(camera, encoding="utf-8")
+        # A picture in which nothing was found is looked at again: of the camera's size, and nothing is in it.
+        shutil.rmtree(session / "images")
+        hour.write_blank_pictures(session / "images", nominal.camera.size_px)
     table = pyarrow.csv.read_csv(session / "frames.csv").to_pylist()
     for row, wanted in zip(table, hour.rows, strict=True):
         assert {key: row[key] for key in wanted} == pytest.approx(wanted, abs=1e-6)

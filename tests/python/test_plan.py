@@ -173,7 +173,8 @@ def observed(folder: Path, noise_px: float, wrong: dict[str, float]) -> object:
         for r in range(len(mirrored))
     ]
     session = nominal.session(looks, list(range(len(looks))))
-    return replace(session, camera_tolerance_m=0.003, camera_tolerance_rad=math.radians(1.0))
+    noise = replace(session.noise, pixel_std_px=noise_px)
+    return replace(session, camera_tolerance_m=0.003, camera_tolerance_rad=math.radians(1.0), noise=noise)
 
 
 def test_the_diagnosis_finds_what_the_plan_says_it_will(planned: Path) -> None:
@@ -187,10 +188,14 @@ def test_the_diagnosis_finds_what_the_plan_says_it_will(planned: Path) -> None:
     causes = {(cause.effect, cause.at): cause for cause in found.causes}
     gear = causes[("gear_ratio", "joint:elbow")]
     parameter = gear.parameters["scale_error"]
-    # SURE deviations make the size; the diagnosis' own deviation has the rest of its model in it as well.
     assert parameter.value == pytest.approx(2.0 * size, abs=4.0 * parameter.std)
-    assert 0.4 < parameter.std / (size / 5.0) < 2.5
-    assert not diagnose(observed(planned, 0.15, {"elbow": 0.1 * size})).causes
+    nothing = diagnose(observed(planned, 0.15, {"elbow": 0.1 * size}))
+    assert not nothing.causes  # and what it says that it would have missed is what the plan said:
+    foreseen = {(t["effect"], t["at"], k): v for t in tells for k, v in t["parameters"].items()}
+    hidden = {(one.effect, one.at, k): v for one in nothing.limits for k, v in one.parameters.items()}
+    ratios = [hidden[k] / v for k, v in foreseen.items() if v is not None and hidden[k] is not None]
+    assert len(ratios) > 30
+    assert np.median(ratios) == pytest.approx(1.0, abs=0.05) and 0.6 < min(ratios) and max(ratios) < 1.4
 
 
 def test_a_twin_is_told_before_a_picture_is_taken(planned: Path) -> None:
@@ -198,7 +203,7 @@ def test_a_twin_is_told_before_a_picture_is_taken(planned: Path) -> None:
     tells = {(t["effect"], t["at"]): t for t in json.loads((planned / "told.json").read_text())["tells"]}
     offset = {joint: tells[("joint_offset", f"joint:{joint}")]["parameters"]["offset_rad"] for joint in NAMES}
     # Balls that may sit 3 mm elsewhere hide the elbow's zero, and the board's own turn about the vertical (1°) that of the turret.
-    assert offset["elbow"] > 0.05 and offset["pan"] > 0.02 > 5 * offset["lift"]
+    assert offset["elbow"] > 0.05 and offset["pan"] > 0.02 > 3 * offset["lift"]
     assert all(
         size is not None
         for t in tells.values()
@@ -375,7 +380,8 @@ def test_a_plan_that_is_there_is_judged_as_when_it_was_made(planned: Path, tmp_p
         assert view["pitch_rad"] == pytest.approx(before["pitch_rad"], abs=1e-9)
     for one, before in zip(judged["tells"], made["tells"], strict=True):
         assert (one["effect"], one["at"]) == (before["effect"], before["at"])
-        assert one["parameters"] == pytest.approx(before["parameters"], rel=1e-6)
+        for name, size in before["parameters"].items():
+            assert one["parameters"][name] == (None if size is None else pytest.approx(size, rel=1e-6))
     # A row is changed by hand: beyond a limit, into the table, out of sight.
     lines = (folder / "plan" / "postures.csv").read_text().splitlines()
     cells = lines[3].split(",")

@@ -19,7 +19,7 @@ PLAN: Any = SimpleNamespace(
 
 
 def tells(effect: str, at: str) -> Tells:
-    return Tells(effect, at, {}, (), ())
+    return Tells(effect, at, {}, ())
 
 
 @pytest.mark.parametrize(

@@ -172,6 +172,16 @@ pub struct GapRecording {
     recording: Recording,
 }
 
+impl GapRecording {
+    pub(crate) fn robot(&self) -> &Robot {
+        &self.robot
+    }
+
+    pub(crate) fn recording(&self) -> &Recording {
+        &self.recording
+    }
+}
+
 fn json_error(what: &str) -> impl Fn(serde_json::Error) -> PyErr + '_ {
     move |e| MirrorPostureError::new_err(format!("{what}: {e}"))
 }

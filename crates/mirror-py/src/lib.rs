@@ -14,6 +14,7 @@ mod optics;
 mod outline;
 mod pattern;
 mod picture;
+mod planned;
 mod png_file;
 mod robot;
 mod triangulate;
@@ -53,6 +54,8 @@ mod _core {
     use crate::pattern::{drawn_pattern, levels_without_ghost};
     #[pymodule_export]
     use crate::picture::PictureMaker;
+    #[pymodule_export]
+    use crate::planned::PyPlannedSession;
     #[pymodule_export]
     use crate::png_file::plain_png;
     #[pymodule_export]

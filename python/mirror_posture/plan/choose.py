@@ -1,9 +1,5 @@
 """Chooses the candidates that are most informative together, and their order, in which every joint arrives
-from both sides on a free path.
-
-The set is D-optimal over the parameters of all effects of the body. (Fedorov's exchange is not needed:
-there are many candidates, and a greedy choice comes near; Atkinson, Donev and Tobias 2007, ch. 12.)
-"""
+from both sides on a free path."""
 
 from __future__ import annotations
 
@@ -14,87 +10,61 @@ import numpy as np
 
 from ..arrays import Floats
 from .candidates import Candidates
-from .causes import Moment
+from .expected import planned_session
 from .options import MirrorPlace
 from .room import Room
-from .sensitivity import Sensitivity
 from .setting import Setting
+from .telling import SECONDS_A_FRAME
+
+ARRIVAL = 0.1
+"""How far before a candidate each joint is thought to have been, rad (m): more than any play."""
 
 TRIES = 12
 """Successors whose path is checked before a posture is left out."""
 
 
-def information_roots(
+def choose(
     setting: Setting,
-    sensitivity: Sensitivity,
     candidates: Candidates,
     mirrors: Sequence[MirrorPlace],
+    blocks: Sequence[int],
+    same: bool,
     random: np.random.Generator,
-) -> list[Floats]:
-    """The rows (R, columns) of each candidate, scaled so that every parameter counts by the size at which it matters."""
-    typical = np.concatenate([cause.typical for cause in sensitivity.causes])
-    torque = sensitivity.torques(candidates.positions)
-    found = []
-    for row, view in enumerate(candidates.view):
-        # The sides of arrival are not decided yet; any are accepted that are not all the same.
-        side = random.choice([-1.0, 1.0], size=candidates.positions.shape[1])
-        moment = Moment(candidates.positions[row], side, torque[row], float(random.random()))
-        rows = sensitivity.jacobian(moment, mirrors[view], candidates.markers[row])
-        found.append(rows * typical)
-    return found
-
-
-def choose(
-    roots: Sequence[Floats], candidates: Candidates, prior: Floats, blocks: Sequence[int], same: bool
 ) -> list[list[int]]:
     """For each block (a view and how many postures it gets) the indices of the candidates that add most information.
 
     `same`: the blocks are views of the same postures, which must be seen in all of them.
     """
-    width = roots[0].shape[1]
-    inverse = np.diag(1.0 / np.maximum(prior, 1e-4))
-    chosen: list[list[int]] = [[] for _ in blocks]
-    views = sorted(set(candidates.view.tolist()))
+    count = len(candidates.view)
+    # The sides of arrival are not decided yet; any are accepted that are not all the same: before each candidate the
+    # robot stands a little to that side of it.
+    side = random.choice([-1.0, 1.0], size=candidates.positions.shape)
+    before = candidates.positions - ARRIVAL * side * (setting.high > setting.low)
+    session = planned_session(
+        setting,
+        np.stack([before, candidates.positions], axis=1).reshape(2 * count, -1),
+        mirrors,
+        np.repeat(candidates.view, 2),
+        np.repeat(candidates.markers, 2, axis=0),
+        # Spread over the time that the plan will take.
+        SECONDS_A_FRAME * sum(blocks) / (2 * count),
+        np.tile([False, True], count),
+    )
+    _, posture = np.unique(candidates.positions, axis=0, return_inverse=True)
+    posture = posture.reshape(-1)
     if same:
-        groups: dict[bytes, dict[int, int]] = {}
-        for row, view in enumerate(candidates.view):
-            groups.setdefault(candidates.positions[row].tobytes(), {})[int(view)] = row
-        whole = [group for group in groups.values() if all(view in group for view in views)]
-        pool = [[group[view] for view in views] for group in whole]
+        rows = [np.flatnonzero(posture == number) for number in range(posture.max() + 1)]
+        items = [row for row in rows if len(set(candidates.view[row].tolist())) == len(blocks)]
+        block, most = [0] * len(items), [max(blocks)]
     else:
-        pool = [[row] for row in range(len(roots))]
-    stacked = [np.concatenate([roots[row] for row in rows]) for rows in pool]
-    left = set(range(len(pool)))
-    rounds = max(blocks)
-    for _ in range(rounds if same else sum(blocks)):
-        best, most = -1, -np.inf
-        for number in left:
-            rows = pool[number]
-            if (
-                not same
-                and len(chosen[views.index(int(candidates.view[rows[0]]))])
-                >= blocks[views.index(int(candidates.view[rows[0]]))]
-            ):
-                continue
-            j = stacked[number]
-            gain = float(np.linalg.slogdet(np.eye(len(j)) + j @ inverse @ j.T)[1])
-            if gain > most:
-                best, most = number, gain
-        if best < 0:
-            break
-        left.discard(best)
-        if not same:
-            # The same posture is not taken again in another view, because another posture is more
-            # informative.
-            mine = candidates.positions[pool[best][0]]
-            left -= {n for n in left if np.array_equal(candidates.positions[pool[n][0]], mine)}
-        for row in pool[best]:
-            chosen[views.index(int(candidates.view[row]))].append(row)
-        j = stacked[best]
-        gain_matrix = inverse @ j.T @ np.linalg.inv(np.eye(len(j)) + j @ inverse @ j.T)
-        inverse = inverse - gain_matrix @ (j @ inverse)
-        inverse = 0.5 * (inverse + inverse.T)
-    assert width == inverse.shape[0]
+        items = list(np.arange(count)[:, None])
+        block, most = candidates.view.tolist(), list(blocks)
+    numbers = [int(posture[item[0]]) for item in items]
+    frames = [(2 * item + 1).tolist() for item in items]
+    chosen: list[list[int]] = [[] for _ in blocks]
+    for index in session.choose(frames, block, numbers, most):
+        for row in items[index].tolist():
+            chosen[int(candidates.view[row])].append(row)
     return chosen
 
 

@@ -15,9 +15,9 @@ from .again import PlannedRoom, read_planned_room
 from .candidates import sift
 from .choose import path_blocked, stands_clear
 from .options import MirrorPlace, square_to
-from .run import SECONDS_A_FRAME, Plan, told_by
-from .sensitivity import Sensitivity
+from .run import Plan
 from .table import POSTURES, read_plan
+from .telling import what_it_tells
 
 
 def judge_plan(folder: str | os.PathLike[str], plan_folder: Path) -> tuple[Plan, tuple[str, ...]]:
@@ -65,11 +65,9 @@ def judge_plan(folder: str | os.PathLike[str], plan_folder: Path) -> tuple[Plan,
     board = nominal.robot.link_poses(setting.home[None], [setting.board.link])[0, 0, :3, 3]
     first = mirrors[view[0]]
     options = planned.options
-    asked = options.postures * (len(numbers) if options.same_postures else 1)
-    sensitivity = Sensitivity(setting, SECONDS_A_FRAME, asked)
     plan = Plan(
         setting, options, used, positions, view, np.array([row.posture for row in rows], dtype=np.int64), markers,
-        told_by(sensitivity, positions, [mirrors[v] for v in view], markers), {}, 0, planned.warnings, planned.ignored,
+        what_it_tells(setting, positions, mirrors, view, markers), {}, 0, planned.warnings, planned.ignored,
         float(first.normal_in_root @ (first.center_in_root_m - board)),
     )  # fmt: skip
     return plan, tuple(wrong)

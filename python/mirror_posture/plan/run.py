@@ -18,11 +18,9 @@ from ..arrays import Floats, Integers, Mask
 from ..counted import counted
 from ..robots.nominal import Nominal
 from .candidates import Candidates, sift
-from .causes import moments
-from .choose import choose, information_roots, order, stands_clear
+from .choose import choose, order, stands_clear
 from .options import MirrorPlace, PlanOptions, turned_mirrors
 from .room import Room, room_of
-from .sensitivity import Sensitivity
 from .setting import Setting, draw, read_setting
 from .sight import look, scene_of
 from .telling import Tells, what_it_tells
@@ -34,8 +32,6 @@ DRAWN_FOR_A_DISTANCE = 1500
 DRAWN = 6000
 POOL = 160
 """Smallest number of postures to choose from; more where more are requested."""
-SECONDS_A_FRAME = 10.0
-"""How long a posture with its picture is taken to last."""
 LEAST_FRAMES = 4
 
 
@@ -98,23 +94,18 @@ def make_plan(
         raise _too_few(nominal, candidates, 0)
     views = sorted(set(candidates.view.tolist()))
     frames = options.postures * (len(views) if options.same_postures else 1)
-    sensitivity = Sensitivity(setting, SECONDS_A_FRAME, frames)
-    typical = np.concatenate([cause.typical for cause in sensitivity.causes])
     say(f"choosing among {counted(len(candidates.view), 'picture')}")
-    roots = information_roots(setting, sensitivity, candidates, mirrors, random)
     share = [options.postures // len(views) + (k < options.postures % len(views)) for k in range(len(views))]
     blocks = [options.postures] * len(views) if options.same_postures else share
-    chosen = choose(
-        roots, candidates, sensitivity.prior_precision() * typical**2, blocks, options.same_postures
-    )
+    chosen = choose(setting, candidates, mirrors, blocks, options.same_postures, random)
     say("ordering them on free paths")
-    rows, trouble = _ordered(setting, sensitivity, room, mirrors, candidates, chosen)
+    rows, trouble = _ordered(setting, room, mirrors, candidates, chosen)
     reasons = Counter(candidates.reasons) + trouble
     if len(rows) < LEAST_FRAMES:
         raise _too_few(nominal, replace(candidates, reasons=dict(reasons)), len(rows))
     positions, view = candidates.positions[rows], candidates.view[rows]
     say("what they will tell")
-    tells = told_by(sensitivity, positions, [mirrors[v] for v in view], candidates.markers[rows])
+    tells = what_it_tells(setting, positions, mirrors, view, candidates.markers[rows])
     if len(rows) < sum(len(block) for block in chosen):
         warnings.append(
             f"{counted(sum(map(len, chosen)) - len(rows), 'posture was', 'postures were')} left out: no free way led there from the one before"
@@ -137,20 +128,6 @@ def make_plan(
         dict(reasons), candidates.drawn, tuple(warnings), tuple(ignored),
         float(first.normal_in_root @ (first.center_in_root_m - board)),
     )  # fmt: skip
-
-
-def told_by(
-    sensitivity: Sensitivity,
-    positions: Floats,
-    mirrors: Sequence[MirrorPlace],
-    markers: Mask,
-) -> tuple[Tells, ...]:
-    """The information of postures (F, nq), held one after the other in front of these F mirrors (in the
-    base's frame), with visible balls (F, M)."""
-    told_moments = moments(positions, sensitivity.torques(positions), SECONDS_A_FRAME)
-    held = zip(told_moments, mirrors, markers, strict=True)
-    rows = [sensitivity.jacobian(moment, mirror, seen, True) for moment, mirror, seen in held]
-    return tuple(what_it_tells(sensitivity, rows))
 
 
 def _place(
@@ -242,7 +219,6 @@ def _apart(a: MirrorPlace, b: MirrorPlace) -> float:
 
 def _ordered(
     setting: Setting,
-    sensitivity: Sensitivity,
     room: Room,
     mirrors: list[MirrorPlace],
     candidates: Candidates,
@@ -257,7 +233,7 @@ def _ordered(
         block = chosen[view]
         postures = candidates.positions[block]
         onward = None if after is None else mirrors[after]
-        torque = sensitivity.torques(postures)
+        torque = setting.torques_nm(postures)
         found, why = order(setting, room, mirrors[view], postures, here, tally, torque, onward)
         trouble += why
         rows += [block[i] for i in found]

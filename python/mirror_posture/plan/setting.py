@@ -71,6 +71,11 @@ class Setting:
         """(M,) of the balls."""
         return np.array([0.5 * marker.diameter_m for marker in self.nominal.metadata.markers])
 
+    def torques_nm(self, positions: Floats) -> Floats:
+        """Gravity's torques (N, nq) on the joints in postures (N, nq)."""
+        metadata = self.nominal.metadata
+        return self.nominal.robot.gravity_torques(positions, metadata.gravity_m_per_s2, metadata.root)
+
 
 def read_setting(nominal: Nominal, options: PlanOptions) -> Setting:
     """A session's folder, prepared for planning.

@@ -1,11 +1,4 @@
-"""Predicted detection limits of a plan: the smallest detectable size of each effect, and which effects stay
-twins.
-
-With the Fisher information F of all pixels and the mounts free within their tolerances, one cause h at a
-time has the covariance `S⁻¹`, `S = F_hh − F_hN (F_NN + Λ)⁻¹ F_Nh`. A cause is detected with certainty from
-`SURE` standard deviations on. A cause h can hide as another cause k where even the best size of k leaves
-fewer than `SURE` deviations: `s² (S_hh − S_hk S_kk⁺ S_kh) < SURE²`.
-"""
+"""What a plan tells: the smallest size of each effect that a diagnosis will find, and which effects stay twins."""
 
 from __future__ import annotations
 
@@ -15,17 +8,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..arrays import Floats
-from .causes import Cause
-from .sensitivity import Sensitivity
+from ..arrays import Floats, Integers, Mask
+from .expected import planned_session
+from .options import MirrorPlace
+from .setting import Setting
 
-SURE = 5.0
-"""Standard deviations: a search over a hundred places needs more than the usual 2."""
-UNSEEN = 30.0
-"""Typical sizes: what must be larger than this is as good as unseen."""
-REPORTED = (
-    "joint_offset", "gear_ratio", "gear_eccentricity", "backlash", "joint_compliance", "drift", "axis_tilt", "link_length", "marker_mount",
-)  # fmt: skip
+SECONDS_A_FRAME = 10.0
+"""How long a posture with its picture is taken to last."""
+LEAST_LOAD_NM = 2e-3
+"""The weight of a sheet of paper at arm's length: below it a spring is nothing that a person would look for."""
 
 
 @dataclass(frozen=True)
@@ -44,11 +35,10 @@ class Tells:
     effect: str
     at: str
     parameters: dict[str, float]
-    """The smallest size of each parameter that is detected with certainty, in its unit; infinite where it
-    cannot be seen."""
+    """The smallest size of each parameter that is found in 19 of 20 sessions, in its unit; infinite where any size
+    would be hidden."""
     twins: tuple[Rival, ...]
-    """Causes that it can hide as at a size at which it matters, the nearest first."""
-    typical: tuple[float, ...]
+    """Causes that it can be taken for at a size that it commonly has, those that are separated last first."""
 
     @property
     def name(self) -> str:
@@ -58,67 +48,43 @@ class Tells:
     @property
     def seen(self) -> bool:
         """Whether the plan shows it at all."""
-        return all(
-            size < UNSEEN * usual for size, usual in zip(self.parameters.values(), self.typical, strict=True)
+        return all(math.isfinite(size) for size in self.parameters.values())
+
+
+def what_it_tells(
+    setting: Setting, positions: Floats, mirrors: Sequence[MirrorPlace], view: Integers, markers: Mask
+) -> tuple[Tells, ...]:
+    """What postures (F, nq) tell, held one after the other in front of the mirrors (in the base's frame) `view` (F,),
+    with visible balls (F, M): of the joints that move, the links that they join, and the set-up.
+
+    Of a joint that stands still no posture separates one error from another, and one that bears hardly any load yields to none.
+    """
+    session = planned_session(setting, positions, mirrors, view, markers, SECONDS_A_FRAME)
+    joints = [j for j in setting.nominal.robot.joints if j.name in setting.joint_names]
+    still = {f"joint:{j.name}" for j in setting.nominal.robot.joints} - {f"joint:{j.name}" for j in joints}
+    still |= {f"link:{name}" for name in setting.nominal.robot.link_names}
+    still -= {f"link:{name}" for j in joints for name in (j.parent_link, j.child_link)}
+    load_nm = np.abs(setting.torques_nm(positions)).max(axis=0)
+    without_load = {
+        ("joint_compliance", f"joint:{name}")
+        for name, load in zip(setting.nominal.robot.position_names, load_nm, strict=True)
+        if load < LEAST_LOAD_NM
+    }
+
+    def is_told(effect: str, at: str) -> bool:
+        return at not in still and (effect, at) not in without_load
+
+    return tuple(
+        Tells(
+            effect,
+            at,
+            {name: _size(size) for name, size in parameters},
+            tuple(Rival(f"{other}@{by}", _size(apart)) for other, by, apart in twins if is_told(other, by)),
         )
+        for effect, at, parameters, twins in session.foresee()
+        if is_told(effect, at)
+    )
 
 
-def what_it_tells(sensitivity: Sensitivity, rows: Sequence[Floats]) -> list[Tells]:
-    """The limits and twins of all causes of the robot, from the whitened rows of the plan's frames."""
-    typical = np.concatenate([cause.typical for cause in sensitivity.causes])
-    scaled = [part * typical for part in rows]
-    information = sum((part.T @ part for part in scaled), np.zeros((sensitivity.width, sensitivity.width)))
-    prior = sensitivity.prior_precision() * typical**2
-    setup = [c for c in sensitivity.causes if prior[c.columns].any()]
-    told = []
-    causes = [cause for cause in sensitivity.causes if cause.effect in REPORTED]
-    whole = _without(information, prior, [column for c in setup for column in _columns(c)])
-    for cause in causes:
-        own = _columns(cause)
-        free = [column for c in setup if c is not cause for column in _columns(c)]
-        here = _without(information, prior, free) if cause in setup else whole
-        block = here[np.ix_(own, own)]
-        # Each parameter alone, the others of its cause at 0: how small it may be and still be found.
-        sizes = [_size(block[i, i]) * usual for i, usual in enumerate(cause.typical)]
-        rivals = []
-        for other in causes:
-            if other is cause or (cause in setup and other in setup):
-                continue
-            view = here if other not in setup else _without(
-                information, prior, [column for c in setup if c not in (cause, other) for column in _columns(c)]
-            )  # fmt: skip
-            k = _columns(other)
-            kk, hk = view[np.ix_(k, k)], view[np.ix_(own, k)]
-            left = np.diag(
-                view[np.ix_(own, own)] - hk @ np.linalg.pinv(kk, rcond=1e-9, hermitian=True) @ hk.T
-            )
-            # They are separated if any of the parameters is; an alternative must imitate all of them.
-            apart = min(_size(value) for value in left)
-            visible = min(_size(block[i, i]) for i in range(len(own)))
-            if apart > max(1.0, 2.0 * visible) and visible < UNSEEN:
-                rivals.append(Rival(other.name, apart * cause.typical[0]))
-        rivals.sort(key=lambda rival: (-rival.apart_from, rival.name))
-        told.append(
-            Tells(
-                cause.effect, cause.at, dict(zip(cause.parameters, sizes, strict=True)), tuple(rivals), cause.typical
-            )
-        )  # fmt: skip
-    return told
-
-
-def _columns(cause: Cause) -> list[int]:
-    return list(range(cause.columns.start, cause.columns.stop))
-
-
-def _without(information: Floats, prior: Floats, free: Sequence[int]) -> Floats:
-    """The information that is left when the columns `free`, with their priors, are fitted as well."""
-    f = list(free)
-    block = information[np.ix_(f, f)] + np.diag(np.maximum(prior[f], 1e-9))
-    side = information[:, f]
-    left: Floats = information - side @ np.linalg.solve(block, side.T)
-    return left
-
-
-def _size(information: float) -> float:
-    """The size, in typical sizes, that is found surely."""
-    return SURE / math.sqrt(information) if information > 1e-6 else math.inf
+def _size(size: float | None) -> float:
+    return math.inf if size is None else size

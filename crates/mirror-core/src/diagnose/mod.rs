@@ -23,6 +23,7 @@
 //! | `report` | verdict, sentence, signatures, plots | `δ_posture = ⟨x, r⟩/⟨x, x⟩` |
 //! | `pipeline` | runs the stages on one recording | |
 //! | `second_opinion` | runs the pipeline again with other assumptions where the first result gives reason for doubt, and chooses one of the two | |
+//! | `planning` | which postures show most, and what they will show, before a session is recorded | `½ log det(S + M Σ Mᵀ)` |
 //! | `screening` | the score test alone, for benches and a quick look at a session | |
 //!
 //! A cause is reported if its posterior odds against the same error at a tolerated size exceed the threshold (a
@@ -44,6 +45,7 @@ mod effects;
 mod likelihood;
 mod model;
 mod pipeline;
+mod planning;
 mod prepare;
 mod principles;
 mod random_effects;
@@ -71,6 +73,7 @@ pub use effects::about::{PlaceKind, WrittenTo};
 pub use effects::everywhere::{MistakeInfo, mistakes};
 pub use effects::own::{OwnAxis, OwnEffect, OwnParameter, OwnPlace, Quantities, quantities};
 pub use effects::registry::{EffectInfo, effects};
+pub use planning::{Foreseen, PlannedSession, Pool, Twin};
 pub use prepare::options::{DiagnoseOptions, OtherSession};
 pub use screening::{Screening, screen_once};
 pub use second_opinion::diagnose;

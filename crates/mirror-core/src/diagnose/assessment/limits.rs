@@ -17,22 +17,22 @@
 use crate::diagnose::assessment::findings::Findings;
 use crate::diagnose::criteria::cross_validation::size;
 use crate::diagnose::data::diagnosis::Limit;
-use crate::diagnose::effects::hypothesis::Catalogue;
+use crate::diagnose::effects::hypothesis::{Catalogue, Hypothesis, Model};
 use crate::diagnose::likelihood::factor::log_det;
-use crate::diagnose::likelihood::fit::FitOptions;
+use crate::diagnose::likelihood::fit::{FitOptions, Group};
 use crate::diagnose::likelihood::linearised::Linearised;
 use crate::diagnose::likelihood::score_test::screen;
+use crate::diagnose::model::problem::{Noise, Problem};
 use crate::diagnose::principles::{Guard, LEAST_HELD_OUT_GAIN, WORTH_NAMING};
 use crate::diagnose::random_effects::geometric_tolerances::Geometry;
 use crate::diagnose::random_effects::small_errors::single_effect;
-use crate::diagnose::selection::search::Search;
 use crate::error::Result;
 use crate::statistics::normal_quantile;
 use nalgebra::DMatrix;
 use std::collections::BTreeMap;
 
 /// Beyond so many times the size that an error commonly has, nothing is linear any more: any size would be hidden.
-const LARGEST: Guard = 10.0;
+pub(crate) const LARGEST: Guard = 10.0;
 
 /// Limits by hypothesis and parameter; infinite where any size would be hidden.
 type Sizes = BTreeMap<usize, Vec<f64>>;
@@ -42,60 +42,108 @@ type Sizes = BTreeMap<usize, Vec<f64>>;
 /// # Errors
 /// Invalid parameters of the camera or mirror.
 pub(crate) fn limits(findings: &Findings<'_>) -> Result<Vec<Limit>> {
-    let mut search = findings.search.clone();
+    let search = &findings.search;
     let mut model = findings.found.fit.model.clone();
-    if model.group.is_empty() {
-        // Zeros are no mounts by hand: they are estimated, or exact.
-        search.group = Geometry::of_setup(&search.problem, &["geometry".to_owned()]).group;
-        model.group = vec![0.0; search.group.columns.len()];
+    let setup = model.group.is_empty().then(|| free_setup(&search.problem));
+    if let Some(setup) = &setup {
+        model.group = vec![0.0; setup.columns.len()];
     }
-    let noise = findings.found.noise;
-    let held_out = held_out_gain(findings);
-    let mut sizes = Sizes::new();
-    let mut add = |hypothesis: usize, information: &DMatrix<f64>| {
-        let of = limits_of(&search, hypothesis, information, held_out);
-        let entry = sizes.entry(hypothesis).or_insert_with(|| vec![0.0; of.len()]);
-        entry.iter_mut().zip(of).for_each(|(old, new)| *old = old.max(new));
+    let postures = Postures {
+        problem: &search.problem,
+        catalogue: search.catalogue,
+        group: setup.as_ref().unwrap_or(&search.group),
+        model: &model,
+        noise: findings.found.noise,
+        mask: search.mask,
     };
-    let own = |h: usize| search.catalogue.is_free(h) || search.catalogue.effect(h).is_tabulated();
-    let options = FitOptions { noise, steps: 0 };
-    let here =
-        Linearised::at(&search.problem, search.catalogue, &search.group, &model, options, search.mask)?;
-    // A mount is itself free: it is tested with all other mounts free.
-    let mut in_group: BTreeMap<usize, Vec<usize>> = BTreeMap::new();
-    for (k, column) in search.group.columns.iter().enumerate().take(model.group.len()) {
-        let effect = single_effect(column);
-        if let Some(h) = effect.and_then(|(name, place, _)| search.catalogue.find(name, place)) {
-            in_group.entry(h).or_default().push(here.first_group() + k);
-        }
-    }
-    let parameters = |h: usize| search.catalogue.hypotheses[h].prior_std.len();
-    in_group.retain(|h, columns| columns.len() == parameters(*h));
-    for (i, term) in model.terms.iter().enumerate().filter(|(_, t)| !own(t.hypothesis)) {
-        let columns: Vec<usize> = here.of_term(&model, i).collect();
-        if let Some(information) = here.information_of(&columns) {
-            add(term.hypothesis, &information);
-        }
-    }
-    for (h, columns) in &in_group {
-        if let Some(information) = here.information_of(columns) {
-            add(*h, &information);
-        }
-    }
-    let scores = screen(&search.problem, search.catalogue, &search.group, &model, noise, search.mask)?.scores;
-    for score in scores.iter().filter(|s| !own(s.hypothesis) && !in_group.contains_key(&s.hypothesis)) {
-        add(score.hypothesis, &score.information);
-    }
-    Ok(sizes.iter().map(|(h, of)| told(search.catalogue, &search, *h, of)).collect())
+    let criterion =
+        Criterion { least_log_odds: search.options.least_log_odds, held_out: held_out_gain(findings) };
+    postures.limits(criterion)
 }
 
-fn told(catalogue: &Catalogue, search: &Search<'_>, hypothesis: usize, sizes: &[f64]) -> Limit {
-    let effect = catalogue.effect(hypothesis);
-    let finite = |size: &f64| (*size > 0.0 && size.is_finite()).then_some(*size);
-    Limit {
-        effect: effect.name().to_owned(),
-        at: catalogue.hypotheses[hypothesis].place.name(&search.problem.scene),
-        parameters: effect.parameters().into_iter().zip(sizes.iter().map(finite)).collect(),
+/// Board, camera and markers, free within their tolerances. Zeros are no mounts by hand: they are estimated, or exact.
+pub(crate) fn free_setup(problem: &Problem) -> Group {
+    Geometry::of_setup(problem, &["geometry".to_owned()]).group
+}
+
+/// When a cause is named.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Criterion {
+    pub least_log_odds: f64,
+    /// The gain that shrinks the held-out gap by the required share.
+    pub held_out: f64,
+}
+
+/// Postures with a model that contains a free set-up: what they show of each effect.
+#[derive(Clone, Copy)]
+pub(crate) struct Postures<'a> {
+    pub problem: &'a Problem,
+    pub catalogue: &'a Catalogue,
+    pub group: &'a Group,
+    pub model: &'a Model,
+    pub noise: Noise,
+    pub mask: Option<&'a [bool]>,
+}
+
+impl Postures<'_> {
+    /// The limits of all effects of the vocabulary at all their places.
+    ///
+    /// # Errors
+    /// Invalid parameters of the camera or mirror.
+    pub fn limits(&self, criterion: Criterion) -> Result<Vec<Limit>> {
+        let Self { problem, catalogue, group, model, noise, mask } = *self;
+        let mut sizes = Sizes::new();
+        let mut add = |hypothesis: usize, information: &DMatrix<f64>| {
+            let of = limits_of(&catalogue.hypotheses[hypothesis], information, criterion);
+            let entry = sizes.entry(hypothesis).or_insert_with(|| vec![0.0; of.len()]);
+            entry.iter_mut().zip(of).for_each(|(old, new)| *old = old.max(new));
+        };
+        let own = |h: usize| catalogue.is_free(h) || catalogue.effect(h).is_tabulated();
+        let options = FitOptions { noise, steps: 0 };
+        let here = Linearised::at(problem, catalogue, group, model, options, mask)?;
+        let in_group = self.in_group();
+        for (i, term) in model.terms.iter().enumerate().filter(|(_, t)| !own(t.hypothesis)) {
+            let columns: Vec<usize> = here.of_term(model, i).collect();
+            if let Some(information) = here.information_of(&columns) {
+                add(term.hypothesis, &information);
+            }
+        }
+        for (h, columns) in &in_group {
+            let columns: Vec<usize> = columns.iter().map(|k| here.first_group() + k).collect();
+            if let Some(information) = here.information_of(&columns) {
+                add(*h, &information);
+            }
+        }
+        let scores = screen(problem, catalogue, group, model, noise, mask)?.scores;
+        for score in scores.iter().filter(|s| !own(s.hypothesis) && !in_group.contains_key(&s.hypothesis)) {
+            add(score.hypothesis, &score.information);
+        }
+        Ok(sizes.iter().map(|(h, of)| self.told(*h, of)).collect())
+    }
+
+    /// The hypotheses that are displacements of the free set-up, with the numbers of their columns in it. A mount is
+    /// itself free: it is tested with all other mounts free.
+    pub fn in_group(&self) -> BTreeMap<usize, Vec<usize>> {
+        let mut found: BTreeMap<usize, Vec<usize>> = BTreeMap::new();
+        for (k, column) in self.group.columns.iter().enumerate().take(self.model.group.len()) {
+            let effect = single_effect(column);
+            if let Some(h) = effect.and_then(|(name, place, _)| self.catalogue.find(name, place)) {
+                found.entry(h).or_default().push(k);
+            }
+        }
+        let parameters = |h: usize| self.catalogue.hypotheses[h].prior_std.len();
+        found.retain(|h, columns| columns.len() == parameters(*h));
+        found
+    }
+
+    fn told(&self, hypothesis: usize, sizes: &[f64]) -> Limit {
+        let effect = self.catalogue.effect(hypothesis);
+        let finite = |size: &f64| (*size > 0.0 && size.is_finite()).then_some(*size);
+        Limit {
+            effect: effect.name().to_owned(),
+            at: self.catalogue.hypotheses[hypothesis].place.name(&self.problem.scene),
+            parameters: effect.parameters().into_iter().zip(sizes.iter().map(finite)).collect(),
+        }
     }
 }
 
@@ -107,12 +155,16 @@ fn held_out_gain(findings: &Findings<'_>) -> f64 {
         Some(_) => after.iter().map(|g| g.square_sum_px2).sum::<f64>() / noise.marker_px.powi(2),
         None => after.iter().map(|g| g.square_sum_m2).sum::<f64>() / noise.point_m.powi(2),
     };
+    gain_needed(total)
+}
+
+/// The same of a held-out gap whose squares, in units of the noise, add up to `total`.
+pub(crate) fn gain_needed(total: f64) -> f64 {
     ((1.0 + LEAST_HELD_OUT_GAIN).powi(2) - 1.0) * total
 }
 
 /// Each parameter's limit, given the information of the data on all of them.
-fn limits_of(search: &Search<'_>, hypothesis: usize, information: &DMatrix<f64>, held_out: f64) -> Vec<f64> {
-    let entry = &search.catalogue.hypotheses[hypothesis];
+fn limits_of(entry: &Hypothesis, information: &DMatrix<f64>, criterion: Criterion) -> Vec<f64> {
     let (s, count) = (&entry.prior_std, entry.prior_std.len());
     let occam = DMatrix::from_fn(count, count, |i, j| {
         let (i, j) = (i.min(j), i.max(j));
@@ -120,9 +172,9 @@ fn limits_of(search: &Search<'_>, hypothesis: usize, information: &DMatrix<f64>,
     });
     let Some(factor) = occam.cholesky() else { return vec![f64::INFINITY; count] };
     let log_det = log_det(&factor);
-    let asked = 2.0 * (search.options.least_log_odds - entry.log_prior) + log_det;
+    let asked = 2.0 * (criterion.least_log_odds - entry.log_prior) + log_det;
     // A cause uses as many degrees of freedom of the held-out postures as it has parameters.
-    let needed = noncentrality(asked.max(held_out + count as f64), count as f64);
+    let needed = noncentrality(asked.max(criterion.held_out + count as f64), count as f64);
     (0..count)
         .map(|i| {
             let size = (needed / information[(i, i)].max(0.0)).sqrt();

@@ -16,6 +16,7 @@ mod missing_rows;
 mod near_ties;
 mod noise;
 mod places;
+mod planning;
 mod principles;
 mod prior;
 mod rows;

@@ -110,6 +110,11 @@ impl Table {
         }
     }
 
+    /// The rows, those along the plane last, of all columns.
+    pub fn rows(&self) -> impl ExactSizeIterator<Item = &[f64]> {
+        self.values.chunks_exact(self.stride.max(1)).take(self.rows).map(|row| &row[..self.columns])
+    }
+
     /// A row, to be written.
     pub fn row_mut(&mut self, row: usize) -> &mut [f64] {
         &mut self.values[row * self.stride..(row + 1) * self.stride]
