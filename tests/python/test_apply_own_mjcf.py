@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import os
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import mirror_posture as mp
@@ -56,7 +58,7 @@ def test_what_mujoco_reads_otherwise_is_refused(tmp_path: Path, monkeypatch: pyt
     own, out = tmp_path / "mine.xml", tmp_path / "better.xml"
     own.write_text(MJCF)
     load = own_mjcf._load
-    monkeypatch.setattr(own_mjcf, "_load", lambda *told: (load(*told)[0], False))
+    monkeypatch.setattr(own_mjcf, "_load", lambda *told: replace(load(*told), degrees=False))
     with pytest.raises(MirrorPostureError, match=r"mine.xml: MuJoCo would read qpos0 .* of joint shoulder"):
         patch_own_mjcf(own, AT_SHOULDER, out)
     assert not out.exists() and [file.name for file in tmp_path.iterdir()] == ["mine.xml"]
@@ -175,3 +177,81 @@ def test_a_folder_that_cannot_be_written_is_told_with_the_users_file(
     monkeypatch.setattr(own_mjcf.tempfile, "mkstemp", read_only)
     with pytest.raises(MirrorPostureError, match=r"mine.xml: its folder cannot be written \(.*give a copy"):
         patch_own_mjcf(own, AT_SHOULDER, tmp_path / "better.xml")
+
+
+FRAMED = """<mujoco>
+  <compiler angle="radian"/>
+  <default><default class="turned"><joint axis="0 0 2" pos="0.1 0 0"/></default></default>
+  <worldbody>
+    <body name="b">
+      <frame euler="0 0 1.5707963267948966" pos="1 0 0"><frame euler="0 0.3 0">
+        <joint name="own" axis="1 0 0"/>
+        <joint name="of_default" class="turned"/>
+      </frame></frame>
+      <geom size="0.1" pos="0.3 0 0"/>
+    </body>
+  </worldbody>
+  <actuator><position joint="own" kp="100"/><position joint="of_default" kp="100"/></actuator>
+</mujoco>
+"""
+
+
+@pytest.mark.parametrize("joint", ["own", "of_default"])
+def test_play_and_springs_in_a_frame_turn_about_the_joints_axis(joint: str, tmp_path: Path) -> None:
+    """Before: the frame turned axis and place twice."""
+    own, out = tmp_path / "mine.xml", tmp_path / "better.xml"
+    own.write_text(FRAMED)
+    causes = found(
+        ("backlash", f"joint:{joint}", {"width_rad": 0.01}),
+        ("joint_compliance", f"joint:{joint}", {"compliance_rad_per_nm": 0.02}),
+    ).causes
+    assert not any("not written" in line for line in patch_own_mjcf(own, causes, out).values())
+    model = model_of(out)
+    for further in (f"{joint}_play", f"{joint}_spring"):
+        np.testing.assert_allclose(model.joint(further).axis, model.joint(joint).axis, atol=1e-9)
+        np.testing.assert_allclose(model.joint(further).pos, model.joint(joint).pos, atol=1e-9)
+
+
+def with_actuators(text: str, file: Path) -> Path:
+    """The small robot with these actuators in place of its own."""
+    start, end = MJCF.index("<actuator>"), MJCF.index("</actuator>")
+    file.write_text(MJCF[:start] + "<actuator>" + text + MJCF[end:])
+    return file
+
+
+GEAR = ("gear_ratio", "joint:elbow", {"scale_error": 0.02})
+STICTION = ("stiction", "joint:elbow", {"deadband_rad": 0.01})
+
+
+@pytest.mark.parametrize("kind", ["motor", "velocity"])
+def test_the_gear_of_a_motor_is_left_alone(kind: str, tmp_path: Path) -> None:
+    """Before: its torque was scaled, and written was told."""
+    own = with_actuators(f'<{kind} name="m" joint="elbow" gear="50"/>', tmp_path / "mine.xml")
+    told = patch_own_mjcf(own, found(GEAR, STICTION).causes, tmp_path / "better.xml")
+    assert (
+        all(line.startswith("not written: joint elbow has no position servo") for line in told.values())
+        and len(told) == 2
+    )
+    assert (tmp_path / "better.xml").read_text() == own.read_text()
+
+
+def test_the_position_servo_is_found_among_other_actuators(tmp_path: Path) -> None:
+    """Before: the first actuator counted for stiction, and a gear needed a single one."""
+    actuators = (
+        '<velocity name="v" joint="elbow" kv="3"/><motor name="other" joint="shoulder" gear="7"/>'
+        '<position name="p" joint="elbow" kp="40" gear="2"/><motor name="t" joint="elbow" gear="50"/>'
+    )
+    own, out = with_actuators(actuators, tmp_path / "mine.xml"), tmp_path / "better.xml"
+    told = patch_own_mjcf(own, found(GEAR, STICTION).causes, out)
+    assert told["stiction", "joint:elbow"] == "frictionloss of joint elbow: 1.6 N m"
+    assert told["gear_ratio", "joint:elbow"] == "gear of the actuator of joint elbow: 1.960784"
+    model = model_of(out)
+    gears = {name: model.actuator(name).gear[0] for name in ("v", "other", "p", "t")}
+    assert gears == pytest.approx({"v": 1.0, "other": 7.0, "p": 2.0 / 1.02, "t": 50.0})
+
+
+def test_several_position_servos_of_a_joint_are_told(tmp_path: Path) -> None:
+    servo = '<position name="{}" joint="elbow" kp="40"/>'
+    own = with_actuators(servo.format("a") + servo.format("b"), tmp_path / "mine.xml")
+    [line] = patch_own_mjcf(own, found(GEAR).causes, tmp_path / "better.xml").values()
+    assert line.startswith("not written: joint elbow has 2 position servos, needed one")

@@ -65,3 +65,28 @@ def test_a_length_is_no_ticks_of_a_turn(tmp_path: Path) -> None:
     assert "homing_offset of elbow: 100 to 92" in turns
     after = json.loads(written.file.read_text())
     assert (after["shoulder"]["homing_offset"], after["elbow"]["homing_offset"]) == (100, 92)
+
+
+CONTROL = """<robot name="arm"><ros2_control name="hardware" type="system">
+  <joint name="shoulder"/><joint name="elbow"/>
+</ros2_control></robot>
+"""
+
+
+def test_what_to_do_in_a_driver_is_told_in_metres(tmp_path: Path) -> None:
+    """Before: "grow by 0.012 rad" of a joint that slides."""
+    diagnosis = found(
+        ("joint_offset", "joint:shoulder", {"offset_rad": 0.012}),
+        ("joint_offset", "joint:elbow", {"offset_rad": 0.012}),
+    )
+    session, own, better = (
+        session_that_slides(tmp_path / "session"),
+        tmp_path / "control.urdf",
+        tmp_path / "better",
+    )
+    own.write_text(CONTROL)
+    apply_diagnosis(session, diagnosis, better)
+    [written] = write_own_files(session, diagnosis, better, ros2_control=own)
+    slides, turns = written.told
+    assert slides.endswith("what the joint reports must grow by +0.012 m")
+    assert turns.endswith("what the joint reports must grow by +0.012 rad")

@@ -104,7 +104,7 @@ def apply_diagnosis(
         # As bytes: line ends stay as they were.
         (part / ROBOT).write_bytes(urdf.text().encode("utf-8"))
         if mechanical:
-            told.update(write_mjcf(session, urdf.text(), mechanical, part / MJCF))
+            told.update(write_mjcf(better, urdf.text(), mechanical, part / MJCF))
         if also is not None:
             also(part)
 
@@ -184,6 +184,7 @@ def _group_written(cause: Cause, parts: list[Written]) -> Written:
 def _apply(session: Session, urdf: Urdf, cause: Cause) -> tuple[Session, Written]:
     value = {name: estimate.value for name, estimate in cause.parameters.items()}
     kind, _, name = cause.at.partition(":")
+    used = _used_links(session)
 
     def in_robot(what: str) -> tuple[Session, Written]:
         return session, Written(cause, ROBOT, what)
@@ -222,19 +223,28 @@ def _apply(session: Session, urdf: Urdf, cause: Cause) -> tuple[Session, Written
         return in_robot(f"origin of joint {name}")
     if cause.effect == "marker_mount":
         link = next((marker.link for marker in session.markers if marker.name == name), name)
-        mount = urdf.shift_mount(link, vector("d", "m"))
-        return in_robot(f"origin of joint {mount}") if mount else refused(f"link {link} has no fixed mount")
+        mounts = urdf.shift_mount(link, vector("d", "m"), used)
+        if mounts is None:
+            return refused(f"link {link} has no fixed mount")
+        return in_robot(_origins(mounts))
     motion = pose_of(vector("r", "rad"), vector("d", "m"))
+    camera = session.camera_link
     if cause.effect == "board_mount" and session.board is not None:
-        mounts = urdf.move_mount_and_rider(session.board.link, session.camera_link, motion)
-        if not mounts:
-            return refused(f"link {session.board.link} or its camera has no fixed mount")
-        return in_robot(f"origin of joint {', '.join(mounts)}")
-    if cause.effect == "camera_mount" and session.camera_link:
-        mount = urdf.move_mount(session.camera_link, motion)
-        if mount is None:
-            return refused(f"link {session.camera_link} has no fixed mount")
-        return in_robot(f"origin of joint {mount}")
+        link = session.board.link
+        motions = {link: motion}
+        # A camera on the board's own body moves along: the camera against the board is another cause.
+        link_from_camera = urdf.fixed_pose(link, camera) if camera and camera != link else None
+        if camera and link_from_camera is not None:
+            motions[camera] = np.linalg.inv(link_from_camera) @ motion @ link_from_camera
+        mounts = urdf.move_mounts(motions, used)
+        if mounts is None:
+            return refused(f"link {link} or its camera has no fixed mount")
+        return in_robot(_origins(mounts))
+    if cause.effect == "camera_mount" and camera:
+        mounts = urdf.move_mounts({camera: motion}, used)
+        if mounts is None:
+            return refused(f"link {camera} has no fixed mount")
+        return in_robot(_origins(mounts))
     if kind == "camera" and session.camera is not None:
         return _apply_to_camera(session, cause, value)
     if cause.effect == "board_scale" and session.board is not None:
@@ -253,6 +263,18 @@ def _apply(session: Session, urdf: Urdf, cause: Cause) -> tuple[Session, Written
     if cause.effect in MECHANICAL:
         return session, Written(cause, MJCF, "")
     return refused(NOT_IN_A_MODEL.get(cause.effect, "no file of a session holds it"))
+
+
+def _used_links(session: Session) -> set[str]:
+    """The links whose places the session's observations depend on."""
+    links = {session.root_link, *session.frames.accelerometer_links}
+    links |= {marker.link for marker in session.markers}
+    links |= {link for link in (session.camera_link, session.board and session.board.link) if link}
+    return links | ({session.points.frame_link} if session.points is not None else set())
+
+
+def _origins(joints: list[str]) -> str:
+    return f"origin of joint {', '.join(joints)}" if joints else "no origin: the motion is 0"
 
 
 def _apply_to_camera(session: Session, cause: Cause, value: dict[str, float]) -> tuple[Session, Written]:

@@ -10,10 +10,12 @@ from xml.etree import ElementTree
 import numpy as np
 
 from ..._core import MirrorPostureError
-from ...rotations import tilt_directions
+from ...arrays import Floats
+from ...robot import Robot
 from ...session import Session
 from ..parts import Cause
 from ..vocabulary import IN_WORDS, joint_terms
+from .bending import bend_of
 
 MECHANICAL = tuple(name for name, effect in IN_WORDS.items() if effect["written_to"] == "mjcf")
 DROOP_RAD = 1e-3
@@ -30,6 +32,8 @@ STOP_TIME_S = 0.005
 """Time constant of the ends of a play; MuJoCo needs two time steps (of 2 ms) at least."""
 PLAY_DAMPING = 0.02
 """Damping of a joint in series, as a share of its servo's stiffness, N m s/rad per N m/rad."""
+ROUNDING = 1e-12
+"""A component of gravity that is a smaller share of it is 0."""
 NOT_WRITTEN = "not written"
 """How a line starts that tells why something is not in the file."""
 HINGE, SLIDE = ("hinge", "rad", "N m", "N m/rad"), ("slide", "m", "N", "N/m")
@@ -42,9 +46,11 @@ def write_mjcf(
 ) -> dict[tuple[str, str], str]:
     """Writes the robot with position servos and these causes; returns what was written, by effect and place.
 
+    The session is the corrected one, whose robot is told by `urdf_text`.
+
     Play is a limited joint of the same kind in series with its joint, compliance a sprung one, stiction a friction loss of
     the servo's stiffness times the dead band and a sprung joint for its droop, bending a pair of sprung hinges across the
-    link, a gear ratio the servo's gear.
+    link at its middle, a gear ratio the servo's gear.
     Nothing is written, and an empty mapping returned, where MuJoCo is not installed.
 
     Raises:
@@ -54,19 +60,22 @@ def write_mjcf(
         import mujoco
     except ImportError:
         return {}
+    robot = Robot.from_urdf_text(urdf_text)
     try:
         spec = mujoco.MjSpec.from_string(_without_pictures(urdf_text))
         spec.compiler.fusestatic = False
         spec.compiler.boundmass, spec.compiler.boundinertia = LEAST_MASS_KG, LEAST_INERTIA
         spec.compiler.balanceinertia = True
-        spec.option.gravity = session.gravity_m_per_s2
+        spec.option.gravity = _gravity_in_world(session, robot)
         spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
-        stiffness = _servo_stiffness(session)
+        stiffness = _servo_stiffness(session, robot)
         for name, value in stiffness.items():
             servo = spec.add_actuator(name=name, target=name, trntype=mujoco.mjtTrn.mjTRN_JOINT)
             servo.set_to_position(kp=value, dampratio=1.0)
             spec.joint(name).armature = value / SERVO_RATE**2
-        told = {(cause.effect, cause.at): _add(mujoco, spec, session, cause, stiffness) for cause in causes}
+        told = {
+            (cause.effect, cause.at): _add(mujoco, spec, session, robot, cause, stiffness) for cause in causes
+        }
         spec.compile()
         file.write_text(spec.to_xml(), encoding="utf-8")
         # The result on disk counts, not the one in memory.
@@ -76,16 +85,14 @@ def write_mjcf(
     return told
 
 
-def _add(mujoco: Any, spec: Any, session: Session, cause: Cause, stiffness: dict[str, float]) -> str:
+def _add(
+    mujoco: Any, spec: Any, session: Session, robot: Robot, cause: Cause, stiffness: dict[str, float]
+) -> str:
     name = cause.at.partition(":")[2]
     value = {key: estimate.value for key, estimate in cause.parameters.items()}
     if cause.at.startswith("link:"):
-        body, joint = spec.body(name), session.robot.joints[session.robot.link_index(name) - 1]
-        compliance = value["compliance_rad_per_nm"]
-        for index, axis in enumerate(tilt_directions(joint.axis)):
-            _in_series(body, f"{name}_bend_{index + 1}", mujoco.mjtJoint.mjJNT_HINGE, axis, 1.0 / compliance)
-        return f"hinges {name}_bend_1 and {name}_bend_2 with a stiffness of {1.0 / compliance:.4g} N m/rad"
-    child = next(j.child_link for j in session.robot.joints if j.name == name)
+        return _add_bending(mujoco, spec, session, robot, name, value["compliance_rad_per_nm"])
+    child = next(j.child_link for j in robot.joints if j.name == name)
     # The axis of the corrected robot, which a tilt may have moved.
     body, axis, servo = spec.body(child), spec.joint(name).axis, stiffness.get(name, LEAST_STIFFNESS)
     kind = spec.joint(name).type
@@ -116,6 +123,18 @@ def _add(mujoco: Any, spec: Any, session: Session, cause: Cause, stiffness: dict
     return ", ".join(done)
 
 
+def _add_bending(mujoco: Any, spec: Any, session: Session, robot: Robot, link: str, compliance: float) -> str:
+    if compliance <= 0.0:
+        return NO_SPRING
+    middle, axes = bend_of(session, robot, link)
+    names = [f"{link}_bend_{number}" for number in range(1, len(axes) + 1)]
+    for name, axis in zip(names, axes, strict=True):
+        hinge = _in_series(spec.body(link), name, mujoco.mjtJoint.mjJNT_HINGE, axis, 1.0 / compliance)
+        hinge.pos = middle
+    told = f"{', '.join(names[:-1])} and {names[-1]}"
+    return f"hinges {told} with a stiffness of {1.0 / compliance:.4g} N m/rad"
+
+
 def spring_of(joint: str, terms: Mapping[str, float]) -> str | None:
     """Name of the sprung joint behind a joint: stiction's droop and a compliance may be at one joint. None where it yields
     to no load."""
@@ -139,9 +158,18 @@ def _in_series(
     )
 
 
-def _servo_stiffness(session: Session) -> dict[str, float]:
+def _gravity_in_world(session: Session, robot: Robot) -> Floats:
+    """The session's gravity, which is in its root link's frame, in the frame of the robot's first link: that is MuJoCo's world."""
+    rest = np.zeros((1, len(robot.position_names)))
+    first, root = robot.link_poses(rest, [robot.link_names[0], session.root_link])[0]
+    gravity: Floats = first[:3, :3].T @ root[:3, :3] @ session.gravity_m_per_s2
+    # What is left of a turn by π is rounding.
+    gravity[np.abs(gravity) < ROUNDING * np.linalg.norm(gravity)] = 0.0
+    return gravity
+
+
+def _servo_stiffness(session: Session, robot: Robot) -> dict[str, float]:
     """Stiffness of each joint's servo, N m/rad, from the largest torque that gravity puts on it in the session."""
-    robot = session.robot
     torque = np.abs(
         robot.gravity_torques(session.positions, session.gravity_m_per_s2, session.root_link)
     ).max(axis=0)

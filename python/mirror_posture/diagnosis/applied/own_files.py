@@ -65,6 +65,7 @@ def write_own_files(
     places = [cause.at for cause in causes]
     robot = Urdf(read_xml(session.robot_file))
     better = Urdf(read_xml(folder / ROBOT))
+    sliding = {joint.name for joint in session.robot.joints if joint.kind == "prismatic"}
     files = _Files(folder)
     for own in (urdf, mjcf, lerobot, ur, ros2_control):
         if own is None:
@@ -97,9 +98,8 @@ def write_own_files(
         elif own is ur:
             told = patch_ur_calibration(own, robot, better, out)
         elif own is ros2_control:
-            told = _lines(patch_ros2_control(own, causes, out, partial(check, whole=False)))
+            told = _lines(patch_ros2_control(own, causes, out, partial(check, whole=False), sliding))
         else:
-            sliding = {joint.name for joint in session.robot.joints if joint.kind == "prismatic"}
             check = partial(check, what="motor", whole=False)
             told = _lines(patch_lerobot(own, causes, out, motors, check, sliding))
         files.add(own, out, told, moves_robot=own in (lerobot, ros2_control))

@@ -6,6 +6,7 @@ import math
 import os
 import tempfile
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -39,7 +40,17 @@ OF_BENDING = "a link bends in robot.mjcf.xml only, beside it"
 TOLERANCE = 1e-6
 """rad (m): rounding of what is written and read again; a wrong unit is far more."""
 Wanted = dict[tuple[str, str], Sequence[float]]
-"""What MuJoCo is to read, rad (m), by joint and by `qpos0` or `range`."""
+"""What MuJoCo is to read, rad (m), by joint and by `qpos0`, `range`, `axis` or `pos`."""
+
+
+@dataclass(frozen=True)
+class _Read:
+    """A file as MuJoCo reads it: the compiled model, the specification with each joint's own numbers, and whether angles are in degrees:
+    the last `compiler` counts, of included files too."""
+
+    model: Any
+    spec: Any
+    degrees: bool
 
 
 def patch_own_mjcf(
@@ -48,7 +59,7 @@ def patch_own_mjcf(
     """Writes a user's MJCF with the causes that it can hold; returns what was written, by effect and place.
 
     - an offset a: the joint's `ref` becomes ref − a, since MuJoCo turns by qpos − ref.
-    - a share e of its own position: the actuator's `gear` is divided by 1 + e: a position servo then stops at (1 + e) of its command.
+    - a share e of its own position: the `gear` of the joint's position servo is divided by 1 + e: it then stops at (1 + e) of its command.
     - play, compliance: a further joint behind the joint, limited or sprung.
     - a dead band: `frictionloss` = kp times the dead band, kp of the joint's position servo.
 
@@ -69,7 +80,8 @@ def patch_own_mjcf(
         raise MirrorPostureError(
             f"{own}: got <{document.root.tag}>, needed an MJCF (<mujoco>); a URDF is given as --urdf"
         )
-    model, degrees = _load(mujoco, own, text)
+    read = _load(mujoco, own, text)
+    model = read.model
     if check is not None:
         names = [mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_JOINT, index) for index in range(model.njnt)]
         check([name for name in names if name])
@@ -79,17 +91,16 @@ def patch_own_mjcf(
         values = {key: estimate.value for key, estimate in cause.parameters.items()}
         terms = joint_terms(cause.effect, values)
         if terms and terms.keys() <= WRITTEN:
-            told[cause.effect, cause.at] = _write(mujoco, model, document, cause.at, terms, degrees, wanted)
+            told[cause.effect, cause.at] = _write(mujoco, read, document, cause.at, terms, wanted)
         elif why := _not_of_an_mjcf(cause):
             told[cause.effect, cause.at] = f"not written: {why}"
     better = document.text()
-    _require(own, wanted, _load(mujoco, own, better)[0])
+    _require(own, wanted, _load(mujoco, own, better).model)
     write_file(out, better.encode("utf-8"))
     return told
 
 
-def _load(mujoco: Any, own: Path, text: str) -> tuple[Any, bool]:
-    """The model, and whether its angles are in degrees: the last `compiler` counts, of included files too."""
+def _load(mujoco: Any, own: Path, text: str) -> _Read:
     try:
         # Beside the own file: its meshes and includes are found from there.
         handle, name = tempfile.mkstemp(dir=own.parent, prefix=f".{own.stem}-", suffix=".xml")
@@ -102,7 +113,7 @@ def _load(mujoco: Any, own: Path, text: str) -> tuple[Any, bool]:
         with os.fdopen(handle, "wb") as stream:
             stream.write(text.encode("utf-8"))
         spec = mujoco.MjSpec.from_file(name)
-        return spec.compile(), bool(spec.compiler.degree)
+        return _Read(spec.compile(), spec, bool(spec.compiler.degree))
     except ValueError as error:
         told = " ".join(str(error).split()).replace(name, str(own))
         raise MirrorPostureError(f"{own}: MuJoCo cannot load it: {told}") from None
@@ -134,14 +145,13 @@ def _not_of_an_mjcf(cause: Cause) -> str | None:
 
 def _write(
     mujoco: Any,
-    model: Any,
+    read: _Read,
     document: XmlText,
     at: str,
     terms: Mapping[str, float],
-    degrees: bool,
     wanted: Wanted,
 ) -> str:
-    name = at.partition(":")[2]
+    name, model = at.partition(":")[2], read.model
     joint = next(
         (
             e
@@ -155,18 +165,13 @@ def _write(
         where = "stands in an included file: give that file" if identity >= 0 else "is not in this file"
         return f"not written: joint {name} {where}"
     hinge = int(model.jnt_type[identity]) == int(mujoco.mjtJoint.mjJNT_HINGE)
-    factor = 180.0 / math.pi if degrees and hinge else 1.0
+    factor = 180.0 / math.pi if read.degrees and hinge else 1.0
     if "offset" in terms:
         ref = float(model.qpos0[model.jnt_qposadr[identity]]) - terms["offset"]
         wanted[name, "qpos0"], wanted[name, "range"] = [ref], model.joint(name).range.tolist()
         document.set(joint, "ref", f"{factor * ref:.12g}")
         return f"ref of joint {name}"
-    servos = [
-        index
-        for index in range(model.nu)
-        if int(model.actuator_trntype[index]) == int(mujoco.mjtTrn.mjTRN_JOINT)
-        and int(model.actuator_trnid[index, 0]) == identity
-    ]
+    servos = _position_servos(mujoco, model, identity)
     if "share" in terms:
         return _write_gear(mujoco, model, document, name, servos, terms["share"])
     told = []
@@ -185,18 +190,31 @@ def _write(
         )
     else:
         told.append(
-            _write_series(model, document, joint, name, terms, spring, factor, stiffness, hinge, wanted)
+            _write_series(read, document, joint, name, terms, spring, factor, stiffness, hinge, wanted)
         )
     return "; ".join(told)
+
+
+def _position_servos(mujoco: Any, model: Any, joint: int) -> list[int]:
+    """The actuators that pull a joint to a commanded position: with as much force per command as per position. Motors and velocity
+    servos do not."""
+    return [
+        index
+        for index in range(model.nu)
+        if int(model.actuator_trntype[index]) == int(mujoco.mjtTrn.mjTRN_JOINT)
+        and int(model.actuator_trnid[index, 0]) == joint
+        and (gain := float(model.actuator_gainprm[index, 0])) > 0.0
+        and math.isclose(gain, -float(model.actuator_biasprm[index, 1]))
+    ]
 
 
 def _write_friction(
     model: Any, document: XmlText, joint: Element, name: str, servos: list[int], dead_band: float, hinge: bool
 ) -> str:
-    gain = float(model.actuator_gainprm[servos[0], 0]) if servos else 0.0
-    if not (gain > 0.0 and math.isclose(gain, -float(model.actuator_biasprm[servos[0], 1]))):
+    if not servos:
         return f"not written: joint {name} has no position servo, whose stiffness the dead band needs"
     # A servo pulls with gear · kp · (command - gear · q).
+    gain = float(model.actuator_gainprm[servos[0], 0])
     loss = gain * float(model.actuator_gear[servos[0], 0]) ** 2 * dead_band
     document.set(joint, "frictionloss", f"{loss:.9g}")
     return f"frictionloss of joint {name}: {loss:.4g} {(HINGE if hinge else SLIDE)[2]}"
@@ -205,7 +223,17 @@ def _write_friction(
 def _write_gear(
     mujoco: Any, model: Any, document: XmlText, name: str, servos: list[int], error: float
 ) -> str:
-    wanted = {mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_ACTUATOR, index): index for index in servos}
+    if len(servos) != 1:
+        has = f"{len(servos)} position servos, needed one" if servos else "no position servo"
+        return f"not written: joint {name} has {has}; the gear of a motor scales its torque, not a position"
+    joint = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, name)
+    # In the file's own order, which MuJoCo keeps.
+    driving = [
+        index
+        for index in range(model.nu)
+        if int(model.actuator_trntype[index]) == int(mujoco.mjtTrn.mjTRN_JOINT)
+        and int(model.actuator_trnid[index, 0]) == joint
+    ]
     found = [
         element
         for element in document.elements
@@ -213,17 +241,18 @@ def _write_gear(
         and element.parent.tag == "actuator"
         and element.attributes.get("joint") == name
     ]
-    if len(servos) != 1 or len(found) != 1:
-        return f"not written: joint {name} has {len(found)} actuators in this file, needed one"
-    gears = model.actuator_gear[next(iter(wanted.values()))].copy()
+    if len(found) != len(driving):
+        return f"not written: joint {name} has {len(found)} of its {len(driving)} actuators in this file, needed all"
+    gears = model.actuator_gear[servos[0]].copy()
     gears[0] /= 1.0 + error
     last = max(index for index in range(6) if gears[index] or index == 0)
-    document.set(found[0], "gear", " ".join(f"{gear:.12g}" for gear in gears[: last + 1]))
+    servo = found[driving.index(servos[0])]
+    document.set(servo, "gear", " ".join(f"{gear:.12g}" for gear in gears[: last + 1]))
     return f"gear of the actuator of joint {name}: {gears[0]:.6f}"
 
 
 def _write_series(
-    model: Any,
+    read: _Read,
     document: XmlText,
     joint: Element,
     name: str,
@@ -235,11 +264,15 @@ def _write_series(
     wanted: Wanted,
 ) -> str:
     """A joint of the same body, behind the joint: MuJoCo puts the joints of a body in series."""
+    model, own = read.model, read.spec.joint(name)
     compiled = model.joint(name)
+    # As the file tells them, of defaults too: a <frame> around both joints turns both.
     told = {
-        "axis": " ".join(f"{v:.12g}" for v in compiled.axis),
-        "pos": " ".join(f"{v:.12g}" for v in compiled.pos),
+        "axis": " ".join(f"{v:.12g}" for v in own.axis),
+        "pos": " ".join(f"{v:.12g}" for v in own.pos),
     }
+    further = f"{name}_play" if spring is None else spring
+    wanted[further, "axis"], wanted[further, "pos"] = compiled.axis.tolist(), compiled.pos.tolist()
     # Two joints that turn one and the same inertia are unstable to step: rotors like those of the own servos' part them.
     # The statics do not depend on it.
     rotor = max(float(model.dof_armature[compiled.dofadr[0]]), stiffness / SERVO_RATE**2, LEAST_ARMATURE)
@@ -247,23 +280,23 @@ def _write_series(
     told |= {"armature": f"{rotor:.6g}"}
     if spring is None:
         half = factor * terms["play"] / 2.0
-        wanted[f"{name}_play", "range"] = [-terms["play"] / 2.0, terms["play"] / 2.0]
+        wanted[further, "range"] = [-terms["play"] / 2.0, terms["play"] / 2.0]
         document.insert_after(
             joint,
             "joint",
-            {"name": f"{name}_play", "type": kind, **told, "limited": "true", "range": f"{-half:.9g} {half:.9g}",
+            {"name": further, "type": kind, **told, "limited": "true", "range": f"{-half:.9g} {half:.9g}",
              "stiffness": "0", "frictionloss": "0", "damping": f"{PLAY_DAMPING * stiffness:.6g}", "ref": "0",
              "solreflimit": f"{STOP_TIME_S:g} 1", "solimplimit": "0.99 0.999 0.001"},
         )  # fmt: skip
-        return f"{kind} {name}_play behind it, of {terms['play']:.5f} {unit}"
+        return f"{kind} {further} behind it, of {terms['play']:.5f} {unit}"
     stiff = 1.0 / terms["compliance"]
     document.insert_after(
         joint,
         "joint",
-        {"name": spring, "type": kind, **told, "limited": "false", "stiffness": f"{stiff:.9g}",
+        {"name": further, "type": kind, **told, "limited": "false", "stiffness": f"{stiff:.9g}",
          "frictionloss": "0", "damping": f"{PLAY_DAMPING * stiff:.6g}", "ref": "0", "springref": "0"},
     )  # fmt: skip
-    return f"{kind} {spring} behind it, of {stiff:.4g} {per}"
+    return f"{kind} {further} behind it, of {stiff:.4g} {per}"
 
 
 def _in_body(element: Element) -> bool:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from xml.sax.saxutils import quoteattr
 
@@ -20,14 +20,18 @@ _EXPRESSION = re.compile(r"\$\{([^}]*)\}\Z")
 
 
 def patch_ros2_control(
-    own: Path, causes: Sequence[Cause], out: Path, check: Check | None = None
+    own: Path,
+    causes: Sequence[Cause],
+    out: Path,
+    check: Check | None = None,
+    sliding: Collection[str] = (),
 ) -> dict[tuple[str, str], str]:
     """Writes a file with `<ros2_control>` (a URDF, or xacro) whose transmissions allow for zeros and gears; returns what was written.
 
     A simple transmission reports `q = x / n + o` for an actuator's x, reduction n and offset o. The joint stands at `q + a + e q`
     (`joint_offset` a, `gear_ratio` e), so n becomes `n / (1 + e)` and o `(1 + e) o + a`: both causes of a joint are written at once. Only
     these numbers change; an expression `${x}` becomes `${(x) + a}`. The robot's URDF then stays as it is: told in both it would count twice.
-    `check` takes the joints' names, unless some are expressions of xacro.
+    `check` takes the joints' names, unless some are expressions of xacro. `sliding` are joints whose offsets are lengths.
 
     Raises:
         MirrorPostureError: no such file, or none with `<ros2_control>`; what `check` raises.
@@ -48,12 +52,16 @@ def patch_ros2_control(
         law = laws.setdefault(cause.at, {})
         for term, value in joint_terms(cause.effect, values).items():
             law[term] = law.get(term, 0.0) + value
-    lines = {at: _write(document, law, at.partition(":")[2]) for at, law in laws.items()}
+    lines = {}
+    for at, law in laws.items():
+        name = at.partition(":")[2]
+        lines[at] = _write(document, law, name, "m" if name in sliding else "rad")
     write_file(out, document.text().encode("utf-8"))
     return {(cause.effect, cause.at): lines[cause.at] for cause in written}
 
 
-def _write(document: XmlText, law: Mapping[str, float], name: str) -> str:
+def _write(document: XmlText, law: Mapping[str, float], name: str, unit: str) -> str:
+    by_hand = _by_hand(law, unit)
     joints = [
         element
         for element in document.elements
@@ -63,20 +71,20 @@ def _write(document: XmlText, law: Mapping[str, float], name: str) -> str:
     ]
     held = [joint for joint in joints if joint.parent is not None and joint.parent.tag == "transmission"]
     if not held:
-        return f"not written: {_why_not(document, joints, name)}{_by_hand(law)}"
+        return f"not written: {_why_not(document, joints, name)}{by_hand}"
     if len(held) > 1:
-        return f"not written: joint {name} is in {len(held)} transmissions{_by_hand(law)}"
+        return f"not written: joint {name} is in {len(held)} transmissions{by_hand}"
     transmission = held[0].parent
     assert transmission is not None
     plugin = transmission.find("plugin")
     kind = document.inner(plugin).strip() if plugin is not None else ""
     if not kind.endswith(SIMPLE):
-        return f"not written: joint {name} has a transmission {kind or 'without a plugin'}, needed a {SIMPLE}{_by_hand(law)}"
-    return _change(document, held[0], name, law)
+        return f"not written: joint {name} has a transmission {kind or 'without a plugin'}, needed a {SIMPLE}{by_hand}"
+    return _change(document, held[0], name, law, by_hand)
 
 
-def _change(document: XmlText, joint: Element, name: str, law: Mapping[str, float]) -> str:
-    """Writes the transmission's reduction and offset, or neither of them."""
+def _change(document: XmlText, joint: Element, name: str, law: Mapping[str, float], by_hand: str) -> str:
+    """Writes the transmission's reduction and offset, or neither of them; `by_hand` then tells what to do instead."""
     factor, offset = 1.0 + law.get("share", 0.0), law.get("offset", 0.0)
     changes = [("mechanical_reduction", "1", "/", 0.0)] if "share" in law else []
     if "offset" in law or joint.find("offset") is not None:
@@ -87,7 +95,7 @@ def _change(document: XmlText, joint: Element, name: str, law: Mapping[str, floa
         text = default if element is None else document.inner(element).strip()
         after = _changed(text, operator, factor, summand)
         if after is None:
-            return f"not written: {tag} of joint {name} is {text!r}{_by_hand(law)}"
+            return f"not written: {tag} of joint {name} is {text!r}{by_hand}"
         if element is None:
             new += f"<{tag}>{after}</{tag}>"
             said.append(f"{tag} {after}, none before")
@@ -147,9 +155,9 @@ def _joint_names(document: XmlText) -> list[str]:
     )
 
 
-def _by_hand(law: Mapping[str, float]) -> str:
+def _by_hand(law: Mapping[str, float], unit: str) -> str:
     told = [f"be {1.0 + law['share']:.9g} times as large"] if "share" in law else []
-    told += [f"grow by {law['offset']:+.9g} rad"] if "offset" in law else []
+    told += [f"grow by {law['offset']:+.9g} {unit}"] if "offset" in law else []
     return f"; what the joint reports must {', then '.join(told)}"
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Collection, Mapping
 
 import numpy as np
 
@@ -14,6 +15,8 @@ from .xml_text import Element, XmlText
 ZERO = (0.0, 0.0, 0.0)
 UNCHANGED = 1e-10
 """rad or m: what differs by less is rounding, and stays as it was written."""
+STAYED = 1e-12
+"""rad or m: an origin that differs by less after a calculation was not moved."""
 TURNING = ("revolute", "continuous")
 
 
@@ -186,14 +189,6 @@ class Urdf:
             if self.kind(name) != "fixed" and parent in body
         }
 
-    def shift_mount(self, link: str, shift_m: Floats) -> str | None:
-        """Moves the fixed mount of a link, told in the frame of the moving link that carries it; returns the joint's name."""
-        name = self.joint_of_child.get(link)
-        if name is None or self.kind(name) != "fixed":
-            return None
-        self.shift_origin(name, shift_m)
-        return name
-
     def shift_origin(self, name: str, shift_m: Floats) -> None:
         """Moves the origin of a joint, told in the frame of the moving link that carries it."""
         # Fixed joints between the joint and the moving link may turn the frame.
@@ -206,34 +201,58 @@ class Urdf:
         pose[:3, 3] += carrier_from_parent.T @ shift_m
         self.set_origin(name, pose)
 
-    def move_mount(self, link: str, nominal_from_real: Floats) -> str | None:
-        """Composes the fixed mount of a link with a motion in the link's own frame; returns the joint's name."""
+    def shift_mount(self, link: str, shift_m: Floats, staying: Collection[str] = ()) -> list[str] | None:
+        """Moves a link on its fixed mount, told in the frame of the link that carries the mount; `staying` and result as of `move_mounts`."""
         name = self.joint_of_child.get(link)
-        if name is None or self.kind(name) != "fixed":
+        if name is None:
             return None
-        self.set_origin(name, self.origin(name) @ nominal_from_real)
-        return name
+        parent_from_nominal = self.origin(name)
+        return self.move_mounts(
+            {link: pose_of(np.zeros(3), parent_from_nominal[:3, :3].T @ shift_m)}, staying
+        )
 
-    def move_mount_and_rider(self, link: str, rider: str | None, nominal_from_real: Floats) -> list[str]:
-        """As `move_mount`; a rider on the same rigid body moves along with the link. Returns the joints' names, none where one is missing."""
-        name = self.joint_of_child.get(link)
-        body = self._rigid_body(link)
-        if name is None or self.kind(name) != "fixed":
-            return []
-        if rider is None or rider not in body:
-            self.move_mount(link, nominal_from_real)
-            return [name]
-        if self.kind(self.joint_of_child.get(rider, name)) != "fixed":
-            return []
-        parent = _link(self.joint(name), "parent")
-        parent_from_rider = np.linalg.inv(body[parent]) @ nominal_from_real @ body[rider]
-        self.move_mount(link, nominal_from_real)
-        # A child that is fixed to the link itself has moved already.
-        left = np.linalg.inv(self._rigid_body(parent)[rider]) @ parent_from_rider
-        if np.allclose(left, np.eye(4), atol=1e-12):
-            return [name]
-        mount = self.move_mount(rider, left)
-        return [name] if mount is None else [name, mount]
+    def move_mounts(
+        self, nominal_from_real: Mapping[str, Floats], staying: Collection[str] = ()
+    ) -> list[str] | None:
+        """Moves links of one rigid body on their fixed mounts, each by a motion in its own nominal frame.
+
+        Nothing else that counts moves: the links `staying`, and the moving joints that the body carries, are set back where a
+        link that moves carries them. Returns the names of the joints whose origins were changed; None where a link has no fixed mount.
+        """
+        top = self._top(next(iter(nominal_from_real)))
+        nominal = self._rigid_body(top)
+        if any(link == top or link not in nominal for link in nominal_from_real):
+            return None
+        wanted = {
+            self.joint_of_child[link]: pose @ nominal_from_real.get(link, np.eye(4))
+            for link, pose in nominal.items()
+            if link != top and (link in nominal_from_real or link in staying)
+        }
+        wanted |= {
+            name: top_from_parent @ self.origin(name)
+            for name, top_from_parent in self._carried_by(top).items()
+        }
+        changed = []
+        # From the top down: what carries a link has its place when the link gets its own.
+        for name, top_from_joint in wanted.items():
+            parent = _link(self.joint(name), "parent")
+            origin = np.linalg.inv(self._rigid_body(top)[parent]) @ top_from_joint
+            if not np.allclose(origin, self.origin(name), rtol=0.0, atol=STAYED):
+                self.set_origin(name, origin)
+                changed.append(name)
+        return changed
+
+    def fixed_pose(self, link: str, other: str) -> Floats | None:
+        """`link_from_other` of two links that fixed joints alone join; None of others."""
+        return self._rigid_body(link).get(other)
+
+    def _top(self, link: str) -> str:
+        """The link of a rigid body that carries its others: a moving joint's child, or the robot's root."""
+        above = self.joint_of_child.get(link)
+        while above is not None and self.kind(above) == "fixed":
+            link = _link(self.joints[above], "parent")
+            above = self.joint_of_child.get(link)
+        return link
 
     def _rigid_body(self, link: str) -> dict[str, Floats]:
         """`link_from_other` of all links that fixed joints join to a link."""

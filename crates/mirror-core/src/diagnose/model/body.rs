@@ -203,6 +203,13 @@ impl Body {
         }
     }
 
+    /// The k-th axis of the frame in which the length of a link is told, in its node's frame: the node's own; of the base
+    /// (none) that of [the link whose name it has](Self::node_link_name), which may be turned against the URDF's root.
+    pub fn length_axis(&self, link: Option<NodeId>, k: usize) -> Vector3<f64> {
+        let base = self.first_joint_parent.filter(|_| link.is_none()).map(|l| self.link_sites[l]);
+        base.map_or_else(|| Vector3::ith(k, 1.0), |site| site.node_from_site.r.column(k).into_owned())
+    }
+
     /// The base's link that carries the first joint: `torso_link` rather than an empty root.
     fn base_link(&self) -> &str {
         self.first_joint_parent.and_then(|l| self.link_names.get(l)).map_or("base", String::as_str)

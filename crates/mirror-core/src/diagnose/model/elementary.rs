@@ -199,7 +199,7 @@ pub(crate) fn body_twist(
         }
         Atom::Sag(n, k) => Some(Twist::along(poses.world_from_node[n].r.column(k).into_owned())),
         Atom::LinkShift(n, k) => {
-            let axis = Vector3::ith_axis(k).into_inner();
+            let axis = scene.body.length_axis(n, k);
             Some(Twist::along(n.map_or(axis, |n| poses.world_from_node[n].r * axis)))
         }
         Atom::OriginShift(n, k) => {
@@ -339,7 +339,9 @@ impl Column {
             Atom::Sag(n, k) => by_frame(&mut |f, v| to.add_sag(f, n, Vector3::ith(k, v))),
             Atom::Tilt(n, k) => to.tilt[n][k] += value,
             Atom::OriginShift(n, k) => to.origin_shift[n][k] += value,
-            Atom::LinkShift(n, k) => to.link_shift[n.unwrap_or(scene.nodes())][k] += value,
+            Atom::LinkShift(n, k) => {
+                to.link_shift[n.unwrap_or(scene.nodes())] += scene.body.length_axis(n, k) * value;
+            }
             Atom::MarkerShift(m, k) if constant => to.marker_shift[m][k] += value,
             Atom::MarkerShift(m, k) => by_frame(&mut |f, v| to.add_marker_shift(f, m, k, v)),
             Atom::CameraMount(k) if constant => to.camera_mount[k] += value,

@@ -75,7 +75,8 @@ pub(crate) fn one_scale(findings: &Findings<'_>) -> Option<String> {
 fn nominal_length(scene: &Scene, link: Option<NodeId>) -> Option<Vector3<f64>> {
     let mut carried = scene.body.nodes.iter().filter(|node| node.parent == link);
     let next = carried.next()?;
-    carried.next().is_none().then_some(next.parent_from_joint.t)
+    let along = |k: usize| scene.body.length_axis(link, k).dot(&next.parent_from_joint.t);
+    carried.next().is_none().then(|| Vector3::from_fn(|k, _| along(k)))
 }
 
 #[cfg(test)]

@@ -101,13 +101,13 @@ impl Part {
     }
 
     /// Its components in a deformation, in one frame.
-    fn values(self, deformation: &Deformation, frame: usize) -> Vec<f64> {
+    fn values(self, scene: &Scene, deformation: &Deformation, frame: usize) -> Vec<f64> {
         match self {
             Self::Marker(m) => deformation.marker_shift_in(frame, m).as_slice().to_vec(),
             Self::LinkShift(n) => {
                 // The base's shift is stored after those of the nodes.
-                let at = n.unwrap_or(deformation.link_shift.len().saturating_sub(1));
-                deformation.link_shift.get(at).map_or_else(|| vec![0.0; 3], |s| s.as_slice().to_vec())
+                let shift = deformation.link_shift[n.unwrap_or(scene.nodes())];
+                (0..3).map(|k| scene.body.length_axis(n, k).dot(&shift)).collect()
             }
             Self::LinkTurn(n) => {
                 deformation.bend(frame, n).map_or_else(|| vec![0.0; 3], |b| b.as_slice().to_vec())
@@ -251,7 +251,7 @@ fn track(
     let points = free_errors_of(problem, full, noise, &part.atoms())?
         .into_iter()
         .map(|e| {
-            let (all, rest) = (part.values(full, e.frame), part.values(without, e.frame));
+            let (all, rest) = (part.values(scene, full, e.frame), part.values(scene, without, e.frame));
             let fitted: Vec<f64> = all.iter().zip(&rest).map(|(a, b)| a - b).collect();
             TrackPoint {
                 frame: problem.frame_numbers[e.frame],
