@@ -77,9 +77,11 @@ def command(
         simulation = simulate(loaded, model=model, found=found, progress=one_more)
     if held_out:
         from ..simulate.held_out import held_out_gap
+        from ..simulate.staircase import without_left_out
 
+        counted = loaded if found is None else without_left_out(loaded, found)
         output.say("each half of the postures is diagnosed, and the other half simulated")
-        simulation = replace(simulation, held_out=held_out_gap(loaded, model))
+        simulation = replace(simulation, held_out=held_out_gap(counted, model))
     for note in simulation.notes:
         output.warn(note)
     if out is not None:

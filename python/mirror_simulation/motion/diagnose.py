@@ -54,11 +54,12 @@ def diagnose_motion(
     """Diagnoses a motion: where the simulator is wrong, which effects cause it, and how far the gap
     shrinks.
 
-    `model` is the user's MJCF or URDF, executed by MuJoCo with the log's commands; without it the session's
-    URDF on ideal servos.
+    `model` is the user's MJCF, executed by MuJoCo with the log's commands. It needs a position servo at every joint that moves what
+    is visible; the session's URDF (None) has none, and how it follows its log is unknown.
 
     Raises:
-        MirrorPostureError: a session that does not move or is too short, or without camera and board; a model that MuJoCo cannot load or that lacks a joint.
+        MirrorPostureError: a session that does not move or is too short, or without camera and board; a model that MuJoCo cannot load,
+            or that lacks a joint or its position servo.
     """
     loaded = as_session(session)
     problem = Problem(loaded, None if model is None else Path(model))

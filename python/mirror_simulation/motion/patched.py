@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Any
 
 from .effects import EFFECTS, Causes, gains
 from .rollouts import Rollouts
@@ -23,12 +24,13 @@ def patched_model(rollouts: Rollouts, causes: Causes) -> str:
     """The model as MuJoCo executes it, with the causes that a model can hold, and a comment at each of them."""
     simulator = rollouts.simulator
     spec = simulator.spec.copy()
+    _state_gains(rollouts, spec)
     comments: list[tuple[str, str]] = []
     for (effect, at), values in causes.items():
         name = at.partition(":")[2]
         said = NOT_IN_A_MODEL.get(effect, "see diagnosis.json").format(*values)
         if EFFECTS[effect].needs_servo:
-            said = _changed(spec, effect, name, values)
+            said = _changed(spec, simulator.servos[name], effect, name, values)
         comments.append((name, f"{effect} at {at}: {said}"))
     spec.compile()
     lines = str(spec.to_xml()).splitlines()
@@ -39,9 +41,16 @@ def patched_model(rollouts: Rollouts, causes: Causes) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _changed(spec: object, effect: str, name: str, values: tuple[float, ...]) -> str:
-    joint = spec.joint(name)  # type: ignore[attr-defined]
-    servo = next(a for a in spec.actuators if a.target == name)  # type: ignore[attr-defined]
+def _state_gains(rollouts: Rollouts, spec: Any) -> None:
+    """Writes what the compiled servos have: a damping given as a ratio (`dampratio`) is a number only there, and a change of inertia would change it."""
+    for joint, actuator in zip(rollouts.joints, rollouts.actuator, strict=True):
+        servo = spec.actuator(rollouts.simulator.servos[joint])
+        servo.gainprm[0] = rollouts.model.actuator_gainprm[actuator, 0]
+        servo.biasprm[1:3] = rollouts.model.actuator_biasprm[actuator, 1:3]
+
+
+def _changed(spec: Any, actuator: str, effect: str, name: str, values: tuple[float, ...]) -> str:
+    joint, servo = spec.joint(name), spec.actuator(actuator)
     if effect == "servo_gain":
         stiffness, damping = gains(values)
         kp, kv = float(servo.gainprm[0]) * stiffness, -float(servo.biasprm[2]) * damping
@@ -57,8 +66,9 @@ def _changed(spec: object, effect: str, name: str, values: tuple[float, ...]) ->
     if effect == "reflected_inertia":
         joint.armature = float(joint.armature) + values[0]
         return f"armature {values[0]:+.6g} kg m2"
-    servo.forcelimited, servo.forcerange = 1, [-values[0], values[0]]
-    return f"forcerange {values[0]:.6g} N m"
+    most = values[0] / abs(float(servo.gear[0]))
+    servo.forcelimited, servo.forcerange = 1, [-most, most]
+    return f"forcerange {most:.6g} N m"
 
 
 def _damping(joint: object) -> list[float]:

@@ -13,6 +13,8 @@ from mujoco import rollout
 
 from mirror_posture.arrays import Floats, Integers
 
+from ..simulate.quiet import quiet
+
 Columns = Integers
 
 
@@ -27,14 +29,9 @@ class Pool:
 
     def run(self, models: Sequence[Any], begin: Floats, controls: Sequence[Floats]) -> Floats:
         """States (N, steps, states) of several models, each from its own state (N, states); row i is after step i."""
-        # A motion that diverges gives no result: MuJoCo would write a file of it in the user's working
-        # directory.
-        heard = mujoco.get_mju_user_warning()
-        mujoco.set_mju_user_warning(lambda _: None)
-        try:
+        # A motion that diverges gives no result.
+        with quiet():
             states, _ = self._pool.rollout(models, self.data, begin, np.stack(controls))
-        finally:
-            mujoco.set_mju_user_warning(heard)
         return np.asarray(states)
 
     def at_rest(self, position: Floats) -> Floats:

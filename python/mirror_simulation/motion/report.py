@@ -137,17 +137,27 @@ def document(
             "postures_used": int(seen.any(axis=1).sum()),
             "points_given": int(given.sum()),
             "points_used": int(seen.sum()),
-            "left_out": [
-                {
-                    "frame": int(frames[f]),
-                    "target": session.marker_names[m],
-                    "why": "fits neither its neighbours nor the motion",
-                }
-                for f, m in zip(*np.nonzero(view.false), strict=True)
-            ],
+            "left_out": _left_out(problem, best, scale),
         },
         KEY: fingerprint(session),
     }
+
+
+def _left_out(problem: Problem, best: Fitted, scale: float) -> list[dict[str, Any]]:
+    """The false images: how far each lies from the model found, in units of the noise."""
+    view = problem.view
+    (motion,) = problem.rollouts.motions([best.causes])
+    assert motion is not None
+    off = view.deviations(problem.places(best.causes, motion), best.causes) / scale
+    return [
+        {
+            "frame": int(problem.session.frames.frame[f]),
+            "target": problem.session.marker_names[m],
+            "deviations": float(off[f, m]) if np.isfinite(off[f, m]) else None,
+            "why": "fits neither its neighbours nor the motion",
+        }
+        for f, m in zip(*np.nonzero(view.false), strict=True)
+    ]
 
 
 def named(causes: Sequence[dict[str, Any]]) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:

@@ -51,7 +51,7 @@ class Rollouts:
             if name not in self.simulator.kept:
                 stiffness = self.simulator.stiffness[name]
                 spec.joint(name).armature = stiffness / IDEAL_RATE_PER_S**2
-                servo = next(a for a in spec.actuators if a.target == name)
+                servo = self.simulator.servo(name)
                 servo.set_to_position(kp=stiffness, kv=2.0 * stiffness / IDEAL_RATE_PER_S)
         spec.option.timestep = STEP_S
         spec.option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
@@ -60,8 +60,10 @@ class Rollouts:
         self.joint_id = np.array([self.model.joint(name).id for name in self.joints])
         self.dof = self.model.jnt_dofadr[self.joint_id]
         self.qpos = self.model.jnt_qposadr[self.joint_id]
-        by_joint = {int(self.model.actuator_trnid[a, 0]): a for a in range(self.model.nu)}
-        self.actuator = np.array([by_joint[int(j)] for j in self.joint_id])
+        names = [self.simulator.servos[name] for name in self.joints]
+        self.actuator = np.array([self.model.actuator(name).id for name in names])
+        self.gear: Floats = self.model.actuator_gear[self.actuator, 0].copy()
+        """Of each servo: it measures its joint's position times this, and gives its joint its force times this."""
         log = recording.states.time_s
         end = max(float(log[-1]), float(recording.marker_time_s.max())) + AFTER_S
         self.start_s = float(log[0])
@@ -86,11 +88,12 @@ class Rollouts:
             self.refine({})
 
     def servo_torque(self, motion: Motion) -> Floats:
-        """What the model's servos give in a motion without causes (T, joints), N m."""
-        a = self.actuator
+        """What the model's servos give their joints in a motion without causes (T, joints), N m."""
+        a, gear = self.actuator, self.gear
         gain, bias = self.model.actuator_gainprm[a], self.model.actuator_biasprm[a]
         told = self._told[-len(self.time_s) :, a]
-        return np.asarray(gain[:, 0] * told + bias[:, 1] * motion.position + bias[:, 2] * motion.velocity)
+        by_state = bias[:, 1] * gear * motion.position + bias[:, 2] * gear * motion.velocity
+        return np.asarray(gear * (gain[:, 0] * told + by_state))
 
     def refine(self, causes: Causes) -> None:
         """Makes these causes the ones near which motions are exact.
@@ -282,7 +285,8 @@ class Rollouts:
                 model.dof_armature[dof] += values[0]
             elif effect == "torque_limit":
                 model.actuator_forcelimited[a] = 1
-                model.actuator_forcerange[a] = -values[0], values[0]
+                most = values[0] / abs(float(self.gear[column]))
+                model.actuator_forcerange[a] = -most, most
         return model
 
     def _controls(self, causes: Causes) -> Floats:
@@ -298,6 +302,7 @@ class Rollouts:
     def _tell(self, out: Floats, column: int, told: Floats) -> None:
         if self.joints[column] not in self.simulator.kept:
             told = told + 2.0 / IDEAL_RATE_PER_S * np.gradient(told, STEP_S)
+        told = self.gear[column] * told
         out[:, self.actuator[column]] = np.concatenate([np.full(int(SETTLE_S / STEP_S), told[0]), told])
 
     def load(self, motion: Motion, time_s: Floats) -> Floats:

@@ -22,8 +22,8 @@ def scales_of(rollouts: Rollouts) -> dict[str, JointScale]:
             continue
         a, dof = rollouts.actuator[column], rollouts.dof[column]
         out[name] = JointScale(
-            float(model.actuator_gainprm[a, 0]),
-            float(-model.actuator_biasprm[a, 2] + model.dof_damping[dof]),
+            float(model.actuator_gainprm[a, 0] * rollouts.gear[column] ** 2),
+            float(-model.actuator_biasprm[a, 2] * rollouts.gear[column] ** 2 + model.dof_damping[dof]),
             float(model.dof_armature[dof]),
             float(model.dof_frictionloss[dof]),
             float(np.quantile(torque[:, column], LARGEST)),

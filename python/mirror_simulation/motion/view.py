@@ -55,6 +55,7 @@ class View:
         self.links = [session.camera_link, session.board.link]
         self.marker_links = [marker.link for marker in session.markers]
         self.noise_px = session.noise.pixel_std_px or CORNER_NOISE_PX
+        self._marker_from_mount = [self._turned_mount(link) for link in self.marker_links]
         self._moving = [self._columns_between(link) for link in self.marker_links]
         self._relative: OrderedDict[tuple[object, ...], Floats] = OrderedDict()
         camera_site, board_site = (self._carrier(link) for link in self.links)
@@ -96,6 +97,16 @@ class View:
         while (joint := robot.links[index].parent_joint) is not None and robot.joints[joint].kind == "fixed":
             index = robot.link_index(robot.joints[joint].parent_link)
         return robot.link_names[index]
+
+    def _turned_mount(self, link: str) -> Floats:
+        """From the frame in which a marker's mount is given to that of its link (3, 3): the mount's is that of the link to which the
+        marker's link is fixed."""
+        robot = self.session.robot
+        joint = robot.links[robot.link_index(link)].parent_joint
+        if joint is None or robot.joints[joint].kind != "fixed":
+            return np.eye(3)
+        parent_from_marker = np.asarray(robot.joints[joint].parent_from_joint, dtype=np.float64)
+        return np.asarray(parent_from_marker[:3, :3].T)
 
     def _camera_from_board(self, board_positions: Floats, causes: Causes) -> Floats:
         poses = self.session.robot.link_poses(board_positions, self.links)
@@ -141,7 +152,8 @@ class View:
         mirror = self.session.mirror
         glass = {} if mirror is None else mirror.glass
         for m, marker in enumerate(self.session.markers):
-            shift = np.append(causes.get(("marker_mount", f"marker:{marker.name}"), (0.0,) * 3), 1.0)
+            moved = causes.get(("marker_mount", f"marker:{marker.name}"), (0.0,) * 3)
+            shift = np.append(self._marker_from_mount[m] @ moved, 1.0)
             camera_from_marker = self._camera_from_marker(
                 m, places.markers[:, m], causes if moves_board else {}
             )
@@ -246,6 +258,12 @@ class View:
         """(F, markers, 2): seen less predicted, px; 0 where not seen."""
         predicted, _, good = self._predict(places, causes)
         return np.where((self.seen & good)[..., None], self.image_px - predicted, 0.0)
+
+    def deviations(self, places: Places, causes: Causes) -> Floats:
+        """(F, markers): how far the images lie from their predictions, in units of the stated noise and the mirror's; NaN without a prediction."""
+        predicted, _, good = self._predict(places, causes)
+        squares = ((self.image_px - predicted) ** 2).sum(axis=2)
+        return np.asarray(np.where(good, np.sqrt(2.0 * squares / self.variance_px2), np.nan))
 
     def whitened(self, residual_px: Floats) -> Floats:
         """Residuals (F, markers, 2) or columns (F, markers, 2, P) whitened, zeros where not seen."""

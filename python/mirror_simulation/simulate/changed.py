@@ -23,6 +23,8 @@ class Changed:
     session: Session
     largest_torque_nm: Mapping[str, float]
     drives: dict[str, list[Drive]] = field(default_factory=dict)
+    swapped: list[tuple[str, str]] = field(default_factory=list)
+    """Pairs of joints whose servos get each other's commands."""
     comments: list[tuple[str, str]] = field(default_factory=list)
     """Name of the changed element of the model, and the change."""
 

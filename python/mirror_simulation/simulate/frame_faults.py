@@ -12,8 +12,9 @@ from mirror_posture.arrays import Floats
 from mirror_posture.rotations import pose_of, tilt_directions
 
 from .changed import Changed, Values
-from .joint_faults import PART_ARMATURE_KGM2, set_spring
+from .joint_faults import PART_ARMATURE_KGM2, soften
 from .model import element_of
+from .poses import on_carrier, place, place_alone, place_on_carrier, pose
 
 
 def axis_sign(changed: Changed, name: str, value: Values) -> tuple[str, str]:
@@ -24,8 +25,9 @@ def axis_sign(changed: Changed, name: str, value: Values) -> tuple[str, str]:
 
 def joints_swapped(changed: Changed, places: str, value: Values) -> tuple[str, str]:
     first, _, second = places.partition("<->joint:")
-    changed.drive(first, lambda q, t: q[second] - q[first])
-    changed.drive(second, lambda q, t: q[first] - q[second])
+    for joint in (first, second):
+        changed.joint(joint)
+    changed.swapped.append((first, second))
     return first, f"the servos of {first} and {second} get each other's commands"
 
 
@@ -35,15 +37,17 @@ def link_bending(changed: Changed, name: str, value: Values) -> tuple[str, str]:
     length = float(np.linalg.norm(tip))
     if length < 1e-6:
         raise MirrorPostureError(f"link_bending at link:{name}: the model's body has no length to bend over")
-    stiffness = 1.0 / value["compliance_rad_per_nm"]
     first = np.cross(tip / length, np.eye(3)[int(np.argmin(np.abs(tip)))])
     first /= np.linalg.norm(first)
+    stiffness = 0.0
     for number, axis in enumerate((first, np.cross(tip / length, first)), start=1):
-        bend = body.add_joint(
-            name=f"{name}_bend_{number}", type=mujoco.mjtJoint.mjJNT_HINGE, axis=axis, pos=0.5 * tip
-        )
-        bend.limited, bend.armature = mujoco.mjtLimited.mjLIMITED_FALSE, PART_ARMATURE_KGM2
-        set_spring(bend, stiffness)
+        bend = changed.simulator.spec.joint(f"{name}_bend_{number}")
+        if bend is None:
+            bend = body.add_joint(
+                name=f"{name}_bend_{number}", type=mujoco.mjtJoint.mjJNT_HINGE, axis=axis, pos=0.5 * tip
+            )
+            bend.limited, bend.armature = mujoco.mjtLimited.mjLIMITED_FALSE, PART_ARMATURE_KGM2
+        stiffness = soften(bend, value["compliance_rad_per_nm"])
     return f"{name}_bend_1", f"two hinges across the link at its middle, stiffness {stiffness:.5g} N m/rad"
 
 
@@ -80,7 +84,7 @@ def link_twist(changed: Changed, name: str, value: Values) -> tuple[str, str]:
     turn = pose_of(value.get("twist_1_rad", 0.0) * u + value.get("twist_2_rad", 0.0) * v, np.zeros(3))
     there = np.eye(4)
     there[:3, 3] = np.asarray(joint.pos, float)
-    _place(body, _pose(body) @ there @ turn @ np.linalg.inv(there))
+    place(body, pose(body) @ there @ turn @ np.linalg.inv(there))
     return body.name, f"turned before joint {joint.name}"
 
 
@@ -90,15 +94,51 @@ def marker_mount(changed: Changed, name: str, value: Values) -> tuple[str, str]:
         raise MirrorPostureError(
             f"the session has no marker {name!r}; it has {', '.join(changed.session.marker_names)}"
         )
-    element = element_of(changed.simulator.spec, marker.link)
-    element.pos = np.asarray(element.pos, float) + _shift(value)
-    return marker.link, f"moved by ({_millimetres(_shift(value))}) mm"
+    element = _what_is_mounted(changed, marker.link)
+    moved = pose(element)
+    moved[:3, 3] += _turn_of_mount(changed, marker.link, element) @ _shift(value)
+    place_alone(element, moved)
+    return element.name, f"moved by ({_millimetres(_shift(value))}) mm in the frame of its mount"
+
+
+def _what_is_mounted(changed: Changed, link: str) -> Any:
+    """The body or site of a marker's or camera's link; of a link that is itself moved by a joint a new site, because the limb stays as it is."""
+    simulator = changed.simulator
+    element = element_of(simulator.spec, simulator.stands_for.get(link, link))
+    if not getattr(element, "joints", ()):
+        return element
+    simulator.stands_for[link] = f"{link}_mounted"
+    return element.add_site(name=simulator.stands_for[link])
+
+
+def _turn_of_mount(changed: Changed, link: str, element: Any) -> Floats:
+    """From the frame in which a marker's mount is given to that of the body that carries the marker in the model.
+
+    A mount is given in the frame of the link to which the URDF fixes the marker's link. The model may lack that link.
+    """
+    robot = changed.session.robot
+    joint = robot.links[robot.link_index(link)].parent_joint
+    own = pose(element)[:3, :3]
+    if joint is None or robot.joints[joint].kind != "fixed":
+        return own
+    mount = np.asarray(robot.joints[joint].parent_from_joint, float)[:3, :3]
+    turn, at = np.eye(3), robot.joints[joint].parent_link
+    while True:
+        above = robot.links[robot.link_index(at)].parent_joint
+        if at == element.parent.name or (above is None and element.parent.name == "world"):
+            return turn
+        if above is None or robot.joints[above].kind != "fixed":
+            # The model names this body otherwise: only the marker's own frame is common to both.
+            return np.asarray(own @ mount.T)
+        turn = np.asarray(robot.joints[above].parent_from_joint, float)[:3, :3] @ turn
+        at = robot.joints[above].parent_link
 
 
 def camera_mount(changed: Changed, name: str, value: Values) -> tuple[str, str]:
     link = _link(changed.session.camera_link, "camera")
-    _move(element_of(changed.simulator.spec, link), value)
-    return link, "moved against the board"
+    element = _what_is_mounted(changed, link)
+    place_alone(element, pose(element) @ _motion(value))
+    return element.name, "moved against the board"
 
 
 def board_mount(changed: Changed, name: str, value: Values) -> tuple[str, str]:
@@ -111,12 +151,19 @@ def board_mount(changed: Changed, name: str, value: Values) -> tuple[str, str]:
     board_carrier, carrier_from_board = _on_carrier(board_at)
     camera_carrier, carrier_from_camera = _on_carrier(camera_at)
     moved = carrier_from_board @ _motion(value)
-    together = board_carrier == camera_carrier
+    together = board_carrier.id == camera_carrier.id
+    place_on_carrier(board_at, moved)
     if together:
-        riding = moved @ np.linalg.inv(carrier_from_board) @ carrier_from_camera
-        _place(camera_at, _pose(camera_at) @ np.linalg.inv(carrier_from_camera) @ riding)
-    _place(board_at, _pose(board_at) @ _motion(value))
+        place_on_carrier(camera_at, moved @ np.linalg.inv(carrier_from_board) @ carrier_from_camera)
     return board, "moved on its link" + (", the camera with it" if together else "")
+
+
+def _on_carrier(element: Any) -> tuple[Any, Floats]:
+    if getattr(element, "joints", ()):
+        raise MirrorPostureError(
+            f"board_mount: {element.name} is itself moved by a joint; give board and camera links of their own, fixed to the body"
+        )
+    return on_carrier(element)
 
 
 def _body(changed: Changed, name: str) -> Any:
@@ -134,29 +181,17 @@ def _carried(body: Any) -> list[tuple[Any, Floats]]:
         if child.joints:
             out.append((child, np.eye(3)))
         else:
-            turn = _pose(child)[:3, :3]
+            turn = pose(child)[:3, :3]
             out.extend((below, turn @ rotation) for below, rotation in _carried(child))
     return out
-
-
-def _on_carrier(element: Any) -> tuple[str, Floats]:
-    """The nearest body with joints that an element is fixed to (the world where there is none), and its pose there."""
-    if getattr(element, "joints", ()):
-        raise MirrorPostureError(
-            f"board_mount: {element.name} is itself moved by a joint; give board and camera links of their own, fixed to the body"
-        )
-    pose, body = _pose(element), element.parent
-    while body.name != "world" and not body.joints:
-        pose, body = _pose(body) @ pose, body.parent
-    return body.name, pose
 
 
 def _tip(body: Any) -> Floats:
     """The end of a link, in its frame: the next joint that it carries, otherwise the farthest part on it."""
     ends: list[Floats] = []
 
-    def visit(child: Any, pose: Floats) -> None:
-        here = pose @ _pose(child)
+    def visit(child: Any, parent: Floats) -> None:
+        here = parent @ pose(child)
         if child.joints:
             ends.insert(0, here[:3, 3])
             return
@@ -175,23 +210,6 @@ def _tip(body: Any) -> Floats:
 
 def _motion(value: Values) -> Floats:
     return pose_of(np.array([value.get(f"r{axis}_rad", 0.0) for axis in "xyz"]), _shift(value))
-
-
-def _move(element: Any, value: Values) -> None:
-    _place(element, _pose(element) @ _motion(value))
-
-
-def _pose(element: Any) -> Floats:
-    pose, rotation = np.eye(4), np.zeros(9)
-    mujoco.mju_quat2Mat(rotation, np.asarray(element.quat, float) / np.linalg.norm(element.quat))
-    pose[:3, :3], pose[:3, 3] = rotation.reshape(3, 3), np.asarray(element.pos, float)
-    return pose
-
-
-def _place(element: Any, pose: Floats) -> None:
-    quaternion = np.zeros(4)
-    mujoco.mju_mat2Quat(quaternion, np.ascontiguousarray(pose[:3, :3]).ravel())
-    element.pos, element.quat = pose[:3, 3], quaternion
 
 
 def _link(link: str | None, what: str) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from typing import Any
 
 import mujoco
@@ -42,10 +43,23 @@ DRIVEN: Mapping[str, Callable[[Mapping[str, Floats], Floats, str, str], Floats]]
 TOLD = {
     "share": "{:.6f} q",
     "sine": "{:.6f} sin q",
-    "cosine_less_one": "{:.6f} (cos q - 1) rad",
+    "cosine_less_one": "{:.6f} (cos q - 1) {unit}",
     "coupling": "{:.6f} times the command of {other}",
-    "rate": "{:.3e} rad/s times the time",
+    "rate": "{:.3e} {unit}/s times the time",
 }
+
+
+@dataclass(frozen=True)
+class Words:
+    """What a joint's part is called, with the units of its positions, loads and stiffness."""
+
+    part: str
+    unit: str
+    load: str
+    stiffness: str
+
+
+HINGE, SLIDE = Words("hinge", "rad", "N m", "N m/rad"), Words("slide", "m", "N", "N/m")
 
 
 def change_joint(changed: Changed, places: str, terms: Values, value: Values) -> tuple[str, str]:
@@ -64,7 +78,8 @@ def change_joint(changed: Changed, places: str, terms: Values, value: Values) ->
             return np.sum(parts, axis=0)  # type: ignore[no-any-return, unused-ignore]
 
         changed.drive(name, added)
-        told = (TOLD[term].format(terms[term], other=other) for term in driven)
+        unit = _words(changed.joint(name)).unit
+        told = (TOLD[term].format(terms[term], other=other, unit=unit) for term in driven)
         said.append(f"the servo adds {' + '.join(told)}")
     if "play" in terms:
         element, text = _play(changed, name, terms["play"], value)
@@ -77,52 +92,69 @@ def change_joint(changed: Changed, places: str, terms: Values, value: Values) ->
     return element, ", ".join(said)
 
 
-def _offset(changed: Changed, name: str, offset_rad: float) -> str:
+def _words(joint: Any) -> Words:
+    return SLIDE if joint.type == mujoco.mjtJoint.mjJNT_SLIDE else HINGE
+
+
+def _offset(changed: Changed, name: str, offset: float) -> str:
     joint = changed.joint(name)
-    joint.ref = float(joint.ref) - offset_rad * changed.simulator.angle_unit
-    return f"ref less {offset_rad:.6f} rad"
+    joint.ref = float(joint.ref) - offset * changed.simulator.unit_of(joint)
+    return f"ref less {offset:.6f} {_words(joint).unit}"
 
 
-def _play(changed: Changed, name: str, width_rad: float, value: Values) -> tuple[str, str]:
-    joint, half = changed.joint(name), 0.5 * width_rad
-    play = _in_series(changed.simulator, joint, f"{name}_play")
-    unit = changed.simulator.angle_unit
-    play.limited, play.range = mujoco.mjtLimited.mjLIMITED_TRUE, [-half * unit, half * unit]
-    play.solref_limit, play.solimp_limit = STIFF_LIMIT
+def _play(changed: Changed, name: str, width: float, value: Values) -> tuple[str, str]:
+    joint, simulator = changed.joint(name), changed.simulator
     beyond = FRICTION_BEYOND_LOAD * changed.largest_torque_nm.get(name, 0.0)
     friction = max(LEAST_FRICTION_NM, value.get("friction_nm", beyond))
-    # Friction holds the output against the frame, not against the motor that turns within the play.
-    bearing = changed.simulator.spec.add_tendon(name=f"{name}_bearing")
-    bearing.wrap_joint(name, 1.0)
-    bearing.wrap_joint(play.name, 1.0)
+    play, bearing = simulator.spec.joint(f"{name}_play"), simulator.spec.tendon(f"{name}_bearing")
+    unit, half = simulator.unit_of(joint), 0.5 * width
+    if play is None:
+        play = _in_series(simulator, joint, f"{name}_play")
+        play.limited = mujoco.mjtLimited.mjLIMITED_TRUE
+        play.solref_limit, play.solimp_limit = STIFF_LIMIT
+        # Friction holds the output against the frame, not against the motor that turns within the play.
+        bearing = simulator.spec.add_tendon(name=f"{name}_bearing")
+        bearing.wrap_joint(name, 1.0)
+        bearing.wrap_joint(play.name, 1.0)
+        bearing.solref_friction, bearing.solimp_friction = STIFF_FRICTION
+    else:
+        half += float(play.range[1]) / unit
+        friction = max(friction, float(bearing.frictionloss))
+    play.range = [-half * unit, half * unit]
     bearing.frictionloss = friction
-    bearing.solref_friction, bearing.solimp_friction = STIFF_FRICTION
     _set(bearing, "damping", BEARING_DAMPING_S * friction)
+    words = _words(joint)
     return (
         play.name,
-        f"hinge in series with {name}, {-half:.5f} to {half:.5f} rad, bearing friction {friction:.4g} N m",
+        f"{words.part} in series with {name}, {-half:.5f} to {half:.5f} {words.unit}, bearing friction {friction:.4g} {words.load}",
     )
 
 
-def _spring(changed: Changed, name: str, compliance_rad_per_nm: float) -> tuple[str, str]:
-    spring = _in_series(changed.simulator, changed.joint(name), f"{name}_spring")
-    stiffness = 1.0 / compliance_rad_per_nm
-    set_spring(spring, stiffness)
-    return spring.name, f"hinge in series with {name}, stiffness {stiffness:.5g} N m/rad"
+def _spring(changed: Changed, name: str, compliance: float) -> tuple[str, str]:
+    joint, simulator = changed.joint(name), changed.simulator
+    spring = simulator.spec.joint(f"{name}_spring")
+    if spring is None:
+        spring = _in_series(simulator, joint, f"{name}_spring")
+    stiffness = soften(spring, compliance)
+    words = _words(joint)
+    return (
+        spring.name,
+        f"{words.part} in series with {name}, stiffness {stiffness:.5g} {words.stiffness}",
+    )
 
 
 def _friction(changed: Changed, name: str, terms: Values) -> str:
     """Friction against a servo of finite stiffness, which makes it droop too: the compliance is the servo's own."""
-    joint, spec = changed.joint(name), changed.simulator.spec
-    droop = terms.get("compliance", 0.0)
-    servo = next(a for a in spec.actuators if a.target == name)
-    stiffness = float(servo.gainprm[0])
+    joint, servo = changed.joint(name), changed.simulator.servo(name)
+    droop, gear = terms.get("compliance", 0.0), float(servo.gear[0])
+    stiffness = float(servo.gainprm[0]) * gear**2
     if droop > 1e-9:
         stiffness = min(stiffness, 1.0 / droop)
-        servo.set_to_position(kp=stiffness, kv=2.0 * stiffness / 80.0)
+        servo.set_to_position(kp=stiffness / gear**2, kv=2.0 * stiffness / gear**2 / 80.0)
     joint.frictionloss = stiffness * terms["dead_band"]
     joint.solref_friction, joint.solimp_friction = STIFF_FRICTION
-    return f"frictionloss {joint.frictionloss:.4g} N m against a servo of {stiffness:.4g} N m/rad"
+    words = _words(joint)
+    return f"frictionloss {joint.frictionloss:.4g} {words.load} against a servo of {stiffness:.4g} {words.stiffness}"
 
 
 def _in_series(simulator: Simulator, joint: Any, name: str) -> Any:
@@ -132,9 +164,16 @@ def _in_series(simulator: Simulator, joint: Any, name: str) -> Any:
     return part
 
 
-def set_spring(part: Any, stiffness: float) -> None:
+def soften(part: Any, compliance: float) -> float:
+    """Makes an elastic part give by so much more, and returns its stiffness: springs in series add what they give.
+
+    A spring may be a cause by itself and also one of the small errors.
+    """
+    before = float(np.ravel(part.stiffness)[0])
+    stiffness = 1.0 / (compliance + (1.0 / before if before > 0.0 else 0.0))
     _set(part, "stiffness", stiffness)
     _set(part, "damping", DAMPING_PER_STIFFNESS_S * stiffness)
+    return stiffness
 
 
 def _set(part: Any, name: str, value: float) -> None:

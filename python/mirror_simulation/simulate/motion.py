@@ -8,7 +8,7 @@ the same rest.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import mujoco
@@ -20,6 +20,7 @@ from mirror_posture.session import Session
 from mirror_posture.short_repr import ShortRepr
 
 from .model import Simulator, frame_of, needed_links
+from .quiet import quiet
 
 Drive = Callable[[Mapping[str, Floats], Floats], Floats]
 """What a faulty drive adds to a joint's command: from all commands (F,) by joint and the time (F,) s to (F,) rad."""
@@ -39,13 +40,26 @@ class Rest(ShortRepr):
     still: Mask
 
 
-def execute(simulator: Simulator, session: Session, drives: Mapping[str, list[Drive]]) -> Rest:
-    """Executes all rows of a session. Raises `MirrorPostureError` where the simulation diverges."""
+@quiet()
+def execute(
+    simulator: Simulator,
+    session: Session,
+    drives: Mapping[str, list[Drive]],
+    swapped: Sequence[tuple[str, str]] = (),
+) -> Rest:
+    """Executes all rows of a session. `swapped` are pairs of joints whose servos get each other's commands.
+
+    Raises:
+        MirrorPostureError: the simulation diverges.
+    """
     model = simulator.compiled()
     data = mujoco.MjData(model)
-    commands = _commands(simulator, session, drives)
+    commands = _commands(simulator, session, drives, swapped)
     actuator = _actuators(model, simulator)
+    # A servo measures its joint's position times its gear.
+    gear = model.actuator_gear[actuator, 0]
     links = needed_links(session)
+    place = {link: simulator.stands_for.get(link, link) for link in links}
     frames = len(session.frames)
     poses = {link: np.empty((frames, 4, 4)) for link in links}
     still = np.ones(frames, dtype=bool)
@@ -56,7 +70,7 @@ def execute(simulator: Simulator, session: Session, drives: Mapping[str, list[Dr
     for row, target in enumerate(commands):
         if not np.array_equal(target, now):
             for share in np.linspace(0.0, 1.0, RAMP_PARTS + 1)[1:]:
-                data.ctrl[actuator] = now + share * (target - now)
+                data.ctrl[actuator] = gear * (now + share * (target - now))
                 mujoco.mj_step(model, data, nstep=max(1, int(MOVE_S / RAMP_PARTS / model.opt.timestep)))
             now = target
             still[row] = _settle(model, data)
@@ -65,15 +79,22 @@ def execute(simulator: Simulator, session: Session, drives: Mapping[str, list[Dr
         if not np.isfinite(data.qpos).all() or data.warning[mujoco.mjtWarning.mjWARN_BADQACC].number:
             raise MirrorPostureError(f"frame {session.frames.frame[row]}: the simulation diverges")
         mujoco.mj_kinematics(model, data)
-        root_from_world = np.linalg.inv(frame_of(model, data, session.root_link))
+        root_from_world = np.linalg.inv(frame_of(model, data, place[session.root_link]))
         for link in links:
-            poses[link][row] = root_from_world @ frame_of(model, data, link)
+            poses[link][row] = root_from_world @ frame_of(model, data, place[link])
     return Rest(poses, still)
 
 
-def _commands(simulator: Simulator, session: Session, drives: Mapping[str, list[Drive]]) -> Floats:
-    """(F, joints): the command of each servo, faults of its drive included."""
+def _commands(
+    simulator: Simulator,
+    session: Session,
+    drives: Mapping[str, list[Drive]],
+    swapped: Sequence[tuple[str, str]] = (),
+) -> Floats:
+    """(F, joints): the command of each servo, faults of its drive included: they act on what the servo gets."""
     positions = dict(zip(session.robot.position_names, session.positions.T, strict=True))
+    for first, second in swapped:
+        positions[first], positions[second] = positions[second], positions[first]
     times = session.frames.time_s
     time_s = session.frames.frame.astype(float) if times is None else np.asarray(times, float)
     time_s = time_s - time_s[0]
@@ -85,8 +106,9 @@ def _commands(simulator: Simulator, session: Session, drives: Mapping[str, list[
 
 
 def _actuators(model: mujoco.MjModel, simulator: Simulator) -> Integers:
-    of_joint = {int(model.actuator_trnid[a, 0]): a for a in range(model.nu)}
-    return np.array([of_joint[model.joint(name).id] for name in simulator.joints], dtype=np.int64)
+    """The actuator of each joint that gets its command."""
+    names = [simulator.servos[name] for name in simulator.joints]
+    return np.array([model.actuator(name).id for name in names], dtype=np.int64)
 
 
 def _settle(model: mujoco.MjModel, data: mujoco.MjData) -> bool:

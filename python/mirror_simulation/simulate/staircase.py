@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mirror_posture import MirrorPostureError
-from mirror_posture.diagnosis.applied.apply import parts_of
+from mirror_posture.diagnosis.applied.apply import FIRST, parts_of
 from mirror_posture.diagnosis.parts import Cause
 from mirror_posture.diagnosis.result import Diagnosis
 from mirror_posture.measurement.inputs import require_detected
@@ -118,7 +118,7 @@ def simulate(
         )
     require_detected(loaded)
     if found is not None:
-        loaded = _without_left_out(loaded, found)
+        loaded = without_left_out(loaded, found)
     file = Path(model) if model is not None else None
     causes = list(found.causes) if found is not None else []
 
@@ -168,8 +168,8 @@ def with_causes(
     )
     largest = dict(zip(session.robot.position_names, torque.max(axis=0).tolist(), strict=True))
     changed = Changed(build(session, model_file), session, largest)
-    told = [_add(changed, cause) for cause in causes]
-    rest = execute(changed.simulator, session, changed.drives)
+    told = _add_all(changed, causes)
+    rest = execute(changed.simulator, session, changed.drives, changed.swapped)
     if not rest.still.all():
         changed.simulator.notes.append(
             f"{int((~rest.still).sum())} of {len(rest.still)} frames had not come to rest"
@@ -177,7 +177,7 @@ def with_causes(
     return changed, told, rest
 
 
-def _without_left_out(session: Session, found: Diagnosis) -> Session:
+def without_left_out(session: Session, found: Diagnosis) -> Session:
     """The session without the observations that the diagnosis left out as false: its own gap does not count them."""
     left_out = found.document.get("data", {}).get("left_out", [])
     rows = {int(number): row for row, number in enumerate(session.frames.frame)}
@@ -201,8 +201,19 @@ def can_hold(cause: Cause) -> bool:
     return all(is_held(part.effect) for part in parts_of(cause))
 
 
-def _add(changed: Changed, cause: Cause) -> str | None:
-    said = [add_cause(changed, part) for part in parts_of(cause)]
+def _add_all(changed: Changed, causes: Sequence[Cause]) -> list[str | None]:
+    """Adds causes, and returns the change for each, None where it cannot be represented.
+
+    A part that is in series with a joint has its axis: what changes axes comes first, in the order in which `apply` writes it.
+    """
+    parts = [(index, part) for index, cause in enumerate(causes) for part in parts_of(cause)]
+    said: list[list[str | None]] = [[] for _ in causes]
+    for index, part in sorted(parts, key=lambda entry: FIRST.get(entry[1].effect, len(FIRST))):
+        said[index].append(add_cause(changed, part))
+    return [_in_a_line(cause, lines) for cause, lines in zip(causes, said, strict=True)]
+
+
+def _in_a_line(cause: Cause, said: Sequence[str | None]) -> str | None:
     done = [line for line in said if line is not None]
     if not done:
         return None
