@@ -99,3 +99,22 @@ def test_what_is_left_out_is_listed_with_its_deviations(late: Path) -> None:
     scale = found.noise_scale * problem.view.noise_px
     # By 50 px, in units of an image's noise and its mirror's.
     assert 0.2 * 50.0 / scale < moved["deviations"] < 1.2 * 50.0 / scale
+
+
+def test_a_false_image_makes_no_other_of_its_picture_false(late: Path) -> None:
+    from mirror_simulation.motion.diagnose import _false
+    from mirror_simulation.motion.problem import Problem
+    from mirror_simulation.motion.search import search
+
+    problem = Problem(mp.load_session(late), late / "model.xml")
+    problem.hypotheses = {key: one for key, one in problem.hypotheses.items() if key[0] == "latency"}
+    several = np.flatnonzero(problem.view.seen.sum(axis=1) > 1)
+    moved = np.zeros_like(problem.view.seen)
+    for f in several[5:-5:7]:
+        moved[f, int(np.flatnonzero(problem.view.seen[f])[0])] = True
+    problem.view.image_px[moved] += (30.0, -40.0)
+    problem.leave_out(moved)
+    found = search(problem, 1)
+    problem.leave_out(np.zeros_like(moved))
+    assert moved.sum() > 3
+    assert (_false(problem, found) == moved).all()

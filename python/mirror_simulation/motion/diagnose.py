@@ -188,10 +188,18 @@ def _false(problem: Problem, found: Found) -> Mask:
     best = found.best
     usual = max(1.0, float(np.sqrt(best.misfit.squares / best.misfit.rows)))
     before = problem.view.false
-    problem.leave_out(np.zeros_like(before))
-    (residual,) = problem.residuals([best.causes])
+    false = np.zeros_like(before)
+    # The mirror's error is shared by a picture: the farthest image is left out first, and the others are judged without it.
+    for _ in range(false.shape[1]):
+        problem.leave_out(false)
+        (residual,) = problem.residuals([best.causes])
+        if residual is None:
+            problem.leave_out(before)
+            return before
+        far = np.abs(residual).max(axis=2)
+        more = (far == far.max(axis=1, keepdims=True)) & (far > FALSE_DEVIATIONS * usual * found.noise_scale)
+        if not more.any():
+            break
+        false |= more
     problem.leave_out(before)
-    if residual is None:
-        return before
-    false = np.abs(residual).max(axis=2) > FALSE_DEVIATIONS * usual * found.noise_scale
     return false if false.sum() < MOST_FALSE * problem.view.seen.sum() else before
