@@ -13,7 +13,57 @@ use crate::robot::Robot;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-/// Postures with the pixels that the nominal model predicts for them, arranged.
+/// Postures with what the nominal model predicts to be seen in them (pixels, or measured points), arranged.
+///
+/// ```
+/// use mirror_core::Cancel;
+/// use mirror_core::diagnose::{
+///     Frame, MarkerSpec, MeasuredPoint, PlannedSession, PointsFrame, Pool, Recording, Tolerances,
+/// };
+/// use mirror_core::robot::Robot;
+/// use nalgebra::{Point3, Vector3};
+///
+/// let robot = Robot::from_urdf_str(
+///     r#"<robot name="arm"><link name="base"/><link name="upper"/><link name="hand"/>
+///     <joint name="shoulder" type="revolute"><parent link="base"/><child link="upper"/><axis xyz="0 0 1"/>
+///       <limit lower="-2" upper="2" effort="1" velocity="1"/></joint>
+///     <joint name="wrist" type="fixed"><parent link="upper"/><child link="hand"/><origin xyz="0.4 0 0"/></joint></robot>"#,
+/// )?;
+/// let hand = robot.link_index("hand")?;
+/// let frames = (0..9_i32).map(|number| {
+///     let commanded = vec![0.4 * f64::from(number - 4)];
+///     let position_m = robot.poses(&commanded)?.point_in_a(0, hand, &Point3::origin());
+///     let points = vec![MeasuredPoint { marker: 0, position_m }];
+///     let (number, time_s) = (i64::from(number), f64::from(number));
+///     Ok(Frame { number, posture: number, time_s, commanded, sightings: Vec::new(), points })
+/// });
+/// let recording = Recording {
+///     root_link: "base".into(),
+///     gravity: Vector3::new(0.0, 0.0, -9.81),
+///     sight: None,
+///     markers: vec![MarkerSpec { name: "hand".into(), link: "hand".into(), diameter_m: 0.0, mount_known: true }],
+///     tolerances: Tolerances::default(),
+///     points_frame: Some(PointsFrame::Link("base".into())),
+///     columns: Vec::new(),
+///     ordered: true,
+///     timed: false,
+///     pixel_std_px: None,
+///     point_std_m: Some(2e-4),
+///     frames: frames.collect::<Result<_, mirror_core::Error>>()?,
+/// };
+/// let session = PlannedSession::new(&robot, &recording, Cancel::default())?;
+/// // Of nine postures the three that show most together.
+/// let each: Vec<Vec<usize>> = (0..9).map(|frame| vec![frame]).collect();
+/// let posture: Vec<usize> = (0..9).collect();
+/// let pool = Pool { frames: &each, block: &[0; 9], posture: &posture, most: &[3] };
+/// assert_eq!(session.choose(&pool)?.len(), 3);
+/// // The smallest error of the gear that all nine will show: some parts in a thousand.
+/// let foreseen = session.foresee()?;
+/// let gear = foreseen.iter().find(|one| one.effect == "gear_ratio").ok_or("no gear")?;
+/// let (_, size) = &gear.parameters[0];
+/// assert!(size.is_some_and(|size| (1e-4..1e-2).contains(&size)));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub struct PlannedSession {
     pub(crate) problem: Problem,
     pub(crate) catalogue: Catalogue,
@@ -32,8 +82,8 @@ pub struct PlannedSession {
 }
 
 impl PlannedSession {
-    /// Arranges postures. The recording holds the predicted pixels and states the noise expected; frames without
-    /// pixels only tell from where a joint arrives in the next one.
+    /// Arranges postures. The recording holds what is predicted to be seen, and states the noise expected; a frame in
+    /// which nothing is seen only tells from where a joint arrives in the next one.
     ///
     /// # Errors
     /// Unknown links; a camera or mirror with invalid parameters.

@@ -7,6 +7,7 @@ use super::expected::PlannedSession;
 use super::twins::{Rival, rivals};
 use crate::diagnose::assessment::limits::{Criterion, LARGEST, gain_needed};
 use crate::diagnose::likelihood::normal_equations::Normal;
+use crate::diagnose::model::problem::Observation;
 use crate::diagnose::principles::{Guard, LEAST_LOG_ODDS};
 use crate::error::Result;
 use std::collections::BTreeMap;
@@ -42,10 +43,11 @@ impl PlannedSession {
     /// The limits and twins of every effect at every place, in the order of the vocabulary.
     ///
     /// # Errors
-    /// Invalid parameters of the camera or mirror; [`Error::Cancelled`](crate::error::Error::Cancelled).
+    /// Invalid parameters of the camera or mirror; [`Error::Cancelled`](crate::Error::Cancelled).
     pub fn foresee(&self) -> Result<Vec<Foreseen>> {
         let seen = self.problem.frames.iter().flat_map(|f| &f.others).filter(|o| o.marker().is_some());
-        let held_out = gain_needed(2.0 * seen.count() as f64);
+        let numbers = |o: &Observation| if matches!(o, Observation::Pixel { .. }) { 2.0 } else { 3.0 };
+        let held_out = gain_needed(seen.map(numbers).sum());
         let limits = self.postures().limits(Criterion { least_log_odds: LEAST_LOG_ODDS, held_out })?;
         let (nominal, noise) = (self.problem.nominal(), self.problem.noise);
         let normal = Normal::at(&self.problem, &nominal, noise, &self.columns, true, None, None)?;
