@@ -142,7 +142,7 @@ def lab_jobs(below: Path, out: Path) -> list[Job]:
     moved = ["--cases", "1", "--robot", "small", "--seconds", "4"]
     return [
         Job("blind make", out / "blind", [["blind", "make", out / "blind", *made, "--seed", n] for n in "12"], fresh=True, sound=sealed),
-        Job("moving make", out / "moving", [["moving", "make", out / "moving", *moved, "--seed", n] for n in "12"], sound=sealed),
+        Job("moving make", out / "moving", [["moving", "make", out / "moving", *moved, "--seed", n] for n in "12"], fresh=True, sound=sealed),
         Job("blind run", out / "results", [["blind", "run", below / "blind", out / "results", "--workers", "1"]], fresh=True, sound=diagnosed),
         Job("blind score", out / "score", [["blind", "score", below / "blind", below / "results", "--out", out / "score"]], between=True),
         Job("reproduce", out / "paper", [["reproduce", "--out", out / "paper", "--only", "fig7", "--trials", "2", "--seed", n] for n in "12"], between=True),

@@ -20,7 +20,7 @@ def breakdown(scored: list[Scored]) -> dict[str, Any]:
         (c, t) for c in scored if c.kind in ("single", "several") for t in c.truths if identifiable(c, t)
     ]
     outside = [c for c in scored if c.kind == "outside" and identifiable(c, c.truths[0])]
-    kinds = sorted({str(c.truths[0]["kind"]) for c in outside})
+    kinds = sorted({_kind(c) for c in outside})
     return {
         "found_by_effect": _by(pairs, lambda c, t: str(t["effect"])),
         "found_by_margin": _by(pairs, _margin_bin),
@@ -33,12 +33,17 @@ def breakdown(scored: list[Scored]) -> dict[str, Any]:
         ),
         "outside_by_kind": {
             kind: {
-                key: rate([outside_verdict(c)[key] for c in outside if c.truths[0]["kind"] == kind]).as_json()
+                key: rate([outside_verdict(c)[key] for c in outside if _kind(c) == kind]).as_json()
                 for key in ("met", "abstained", "right_place", "confidently_wrong")
             }
             for kind in kinds
         },
     }
+
+
+def _kind(case: Scored) -> str:
+    """What an effect outside the vocabulary is called in the answer."""
+    return str(case.truths[0].get("kind", case.truths[0]["effect"]))
 
 
 def _by(pairs: Iterable[Pair], key: Callable[[Scored, dict[str, Any]], str]) -> dict[str, Any]:

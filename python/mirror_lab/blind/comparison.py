@@ -64,8 +64,12 @@ def rivals_of(case: Scored, truth: dict[str, Any]) -> list[str]:
 
 
 def true_names(case: Scored) -> set[str]:
-    """Names of the true causes, of their side effects (the droop of a sticking servo), and of small errors beside them."""
-    beside = [x for t in case.truths for x in t.get("tolerated", [])] + case.answer.get("small", [])
+    """Names of the true causes, of their side effects (the droop of a sticking servo), and of what is there beside them: small
+    errors, mounts by hand, and zeros of all joints that are a little off."""
+    beside = [x for t in case.truths for x in t.get("tolerated", [])]
+    beside += [*case.answer.get("small", []), *case.answer.get("setup", [])]
+    if "zeros_rad" in case.answer:
+        beside.append({"effect": "geometry", "at": "robot"})
     return {name_of(t) for t in [*case.truths, *beside]}
 
 
@@ -96,7 +100,7 @@ their middle, drift that bows, a spread of few draws, whole frames."""
 def normalised_errors(case: Scored, only: Callable[[str], bool] = lambda effect: True) -> list[float]:
     """(value − truth) / std of each parameter of each cause that was found and carries a deviation."""
     out = []
-    truths = {name_of(t): t for t in case.truths}
+    truths = {name_of(t): _with_zero(case, t) for t in case.truths}
     for c in case.causes:
         truth = truths.get(name_of(c)) if only(str(c["effect"])) else None
         for name, estimate in c.get("parameters", {}).items() if truth else []:
@@ -110,6 +114,14 @@ def normalised_errors(case: Scored, only: Callable[[str], bool] = lambda effect:
             ):
                 out.append((estimate["value"] - true) / std)
     return out
+
+
+def _with_zero(case: Scored, truth: dict[str, Any]) -> dict[str, Any]:
+    """A wrong zero of a joint whose zero was set by hand is the sum of both."""
+    zero = case.answer.get("zeros_rad", {}).get(str(truth["at"]).removeprefix("joint:"), 0.0)
+    if truth["effect"] != "joint_offset" or not isinstance(truth.get("offset_rad"), int | float):
+        return truth
+    return {**truth, "offset_rad": truth["offset_rad"] + zero}
 
 
 def outside_verdict(case: Scored) -> dict[str, bool]:

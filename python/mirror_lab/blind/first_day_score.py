@@ -12,6 +12,8 @@ from .statistics import coverage, rate
 SETUP = {"board_mount", "camera_mount", "marker_mount", "geometry"}
 """The causes that may be named for a set-up by hand: mounts, and zeros of all joints."""
 MOUNTS = SETUP - {"geometry"}
+NOTHING_WRONG = {"thing_in_the_background"}
+"""Accidents after which nothing is wrong with the robot: `none` is right."""
 
 
 def sides(name: str) -> str:
@@ -21,11 +23,13 @@ def sides(name: str) -> str:
 
 
 def outcome(case: Scored) -> str:
-    """`named`: every whole mistake, and nothing invented at even odds or more; `abstained`: no cause told with confidence that
-    is not true, at a true place, or refused at the border; `misled`: something else; `silent`: `none`."""
+    """`named`: every identifiable mistake (of one that is not: it, where there is no other), and nothing invented at even odds or
+    more; `abstained`: no cause told with confidence that is not true, at a true place, or refused at the border; `misled`:
+    something else; `silent`: `none`, or no word of a mistake that is not identifiable."""
     if "refused" in case.said:
         return "refused"
-    wanted = {sides(name_of(t)) for t in case.truths if "mistake" in t and identifiable(case, t)}
+    mistakes = [t for t in case.truths if "mistake" in t]
+    wanted = {sides(name_of(t)) for t in mistakes if identifiable(case, t)}
     told = {sides(name_of(c)) for c in case.causes}
     true = {sides(name_of(t)) for t in case.truths}
     tolerated = {sides(name_of(x)) for t in case.truths for x in t.get("tolerated", [])}
@@ -38,16 +42,21 @@ def outcome(case: Scored) -> str:
         and c["effect"] not in displaced
         and c.get("probability", 1.0) >= CONFIDENT
     ]
+    verdict = case.said.get("verdict")
     enough = len(told & (true | tolerated)) >= len(wanted)
+    if not wanted:
+        # What the data cannot show need not be named, but only what is named counts so.
+        names = [sides(name_of(t)) for t in mistakes]
+        enough = any(n in told or _tolerated(case, n, told) for n in names)
+        enough |= verdict == "none" and all(t["mistake"] in NOTHING_WRONG for t in mistakes)
     if enough and all(t in told or _tolerated(case, t, told) for t in wanted) and not wrong:
         return "named"
-    verdict = case.said.get("verdict")
     if verdict in ("unknown", "partial", "insufficient") and not wrong:
         places = {p for t in case.truths for p in _places(t["at"])}
         where = [w["at"] for w in case.said.get("where", [])[:1]]
         right = not where or any(p in places for w in where for p in _places(w))
         return "abstained" if right else "elsewhere"
-    return "silent" if verdict == "none" and wanted else "misled"
+    return "silent" if not wrong and (verdict == "none" or not wanted) else "misled"
 
 
 def _tolerated(case: Scored, name: str, told: set[str]) -> bool:

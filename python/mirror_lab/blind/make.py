@@ -14,12 +14,15 @@ from typing import Any
 import numpy as np
 
 from .accidents import ACCIDENTS
+from .checks import check_options
 from .effects import VOCABULARY
 from .errors import NoPlaceError, UnstableError
 from .identify import judge
+from .made_of import begin_set
 from .mistakes import kinds_for
 from .mounting import NOT_BESIDE
 from .outside import OUTSIDE
+from .resting import rest_elsewhere
 from .seal import seal
 from .setup_judge import judge_by_hand
 from .shrinkage import keep_pixels
@@ -84,15 +87,6 @@ def _mistakes(rng: np.random.Generator) -> list[str]:
     return [str(rng.choice(SMALL[:-1])), *kinds]
 
 
-def rest_elsewhere(case: Case, rest_rad: float, rng: np.random.Generator) -> None:
-    """Every joint that moves rests off its logged position, in each posture by itself. It comes after the causes are
-    judged: what is identifiable is so where joints are where the log says."""
-    q_rad = case.plan.commands.q_rad
-    moves = np.ptp(q_rad, axis=0) > 0
-    case.logged_off_rad = rng.normal(0, rest_rad, q_rad.shape) * moves
-    case.answer["rest_rad"] = rest_rad
-
-
 def save(case: Case, out: Path, rng: np.random.Generator | None = None) -> Path:
     """Write the session to `out/NAME`, its answer to `out/answers/NAME.json` (and `.npz`, the noise-free pixels), its
     seal beside the session."""
@@ -139,33 +133,39 @@ def _make(job: _Job) -> str:
         exact = copy.deepcopy(rng)
         try:
             case = simulate(job.name, kind, draws, rng, job.options)
+            judged = case
+            if job.options.imperfect > 0 and not _is_mistaken(case):
+                # What is identifiable is so without the small errors beside it.
+                judged = simulate(job.name, kind, draws, exact, replace(job.options, imperfect=0.0))
             break
         except (NoPlaceError, UnstableError):
             # Three springs on an arm with two loaded joints: this robot cannot have them, or not stand with them; another draw is taken.
             if job.planned is not None or attempt == ATTEMPTS - 1:
                 raise
-    judged = case
-    if job.options.imperfect > 0:
-        # What is identifiable is so without the small errors beside it.
-        judged = simulate(job.name, kind, draws, exact, replace(job.options, imperfect=0.0))
     # The causes are told on the way: which of them can be identified is written into each.
-    case.answer |= _judged(judged) | {"seed": seed, "causes": judged.answer["causes"]}
-    if job.options.rest_rad > 0:
+    report = _judged(judged)
+    # With small errors other frames are seen, and what is drawn after them differs: the session's own values stay.
+    pairs = zip(judged.answer["causes"], case.answer["causes"], strict=True)
+    case.answer |= report | {"seed": seed, "causes": [of_judge | own for of_judge, own in pairs]}
+    if job.options.rest_rad > 0 and case.logged_off_rad is None:
         rest_elsewhere(case, job.options.rest_rad, rng)
     save(case, job.out, rng)
     return job.name
 
 
+def _is_mistaken(case: Case) -> bool:
+    return any("mistake" in c for c in case.answer["causes"])
+
+
 def _judged(case: Case) -> dict[str, Any]:
     """What the data can show of the causes, by the reference that fits the session."""
-    causes = case.answer["causes"]
-    mistaken = any("mistake" in c for c in causes)
+    mistaken = _is_mistaken(case)
     if case.mounting is not None and not mistaken:
         return judge_by_hand(case, case.mounting)
     if case.told is None and not mistaken:
         return judge(case)
     # A mistake moves everything by far more than the noise; small causes beside it keep their drawn sizes.
-    for cause in causes:
+    for cause in case.answer["causes"]:
         cause.setdefault("detectable", True)
         cause.setdefault("identifiable", True)
         cause.setdefault("rivals", [])
@@ -184,9 +184,13 @@ def make_cases(
     """Make `n` sessions below `out`; the same seed makes the same sessions, in however many processes. `plan`
     gives (name, robot, effects) instead.
 
-    Sessions that exist are not made again. `progress` receives each session's name and the number of those still to be made.
+    Sessions that exist are not made again. Raises BlindError where they were made with another seed or other options, and where options
+    contradict each other. `progress` receives each session's name and the number of those still to be made.
     """
     options = options or Options()
+    check_options(options, [effect for _, _, draws in plan or () for effect in draws])
+    of_plan = None if plan is None else {name: [kind, *draws] for name, kind, draws in plan}
+    begin_set(out, seed, vars(options), of_plan)
     planned = [None] * n if plan is None else [(name, kind, tuple(draws)) for name, kind, draws in plan]
     jobs = [_Job(out, i, seed, options, p) for i, p in enumerate(planned)]
     for folder in (out, out / "answers"):

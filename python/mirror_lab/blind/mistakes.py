@@ -46,10 +46,10 @@ Mistake = Callable[[np.random.Generator, "Case", Told], list[Cause]]
 
 def told_truly(case: Case) -> Told:
     """What is written where nothing is mistaken."""
-    of = case.plan.posture_of_frame
+    off_rad = 0.0 if case.logged_off_rad is None else case.logged_off_rad
     return Told(
         case.robot.urdf,
-        case.plan.commands.q_rad[of].copy(),
+        (case.plan.commands.q_rad + off_rad)[case.plan.posture_of_frame],
         case.plan.time_of_frame_s,
         square_m=case.robot.board_square_m,
         gravity=case.gravity,
@@ -105,14 +105,18 @@ def _swapped(case: Case, told: Told, j: str, k: str) -> Cause:
 def left_right(rng: np.random.Generator, case: Case, told: Told) -> list[Cause]:
     """All columns of the left side for the right one's."""
     joints = moved_joints(case, 0.05)
-    pairs = [(j, k) for j in joints for k in joints if k == re.sub(r"\bl_|\bleft", _other_side, j) and k != j]
+    pairs = [(j, k) for j in joints for k in joints if k == right_of(j) and k != j]
     if not pairs:
         raise NoPlaceError("this robot has no two sides")
     return [_swapped(case, told, j, k) for j, k in pairs]
 
 
-def _other_side(found: re.Match[str]) -> str:
-    return {"l_": "r_", "left": "right"}[found[0]]
+def right_of(joint: str) -> str:
+    """The name of the right side's joint; the same for one that is not of the left: `l_elbow`, `arm_left_1_joint`, `LElbow`."""
+    return re.sub(r"(?<![A-Za-z])(?:l_|left)|^L(?=[A-Z])", lambda found: OTHER_SIDE[found[0]], joint)
+
+
+OTHER_SIDE = {"l_": "r_", "left": "right", "L": "R"}
 
 
 def degrees(rng: np.random.Generator, case: Case, told: Told) -> list[Cause]:

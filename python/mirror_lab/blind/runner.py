@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import TypeVar
 
 from .errors import BlindError
+from .made_of import begin_results
 from .whole_file import write_whole
 
 RESULT = "diagnosis.json"
@@ -77,14 +78,19 @@ def run_sessions(
     submit: Callable[[Executor, Path], Future[Diagnosed]],
     executor: Callable[[], AbstractContextManager[Executor]],
     progress: Callable[[str, bool], None] | None = None,
+    leave_out: str | None = None,
 ) -> RunReport:
-    """Diagnose every session of `cases` that has no result yet.
+    """Diagnose every session of `cases` that has no result yet. Raises BlindError where results that are there are of other sessions, or
+    were made with another effect left out.
 
     `submit` hands one session to an executor that `executor` opens. A pool that a crash has broken is opened
     again; a session that breaks it a second time, alone, has failed.
     """
     todo = sessions_to_do(cases, results)
-    before = len(sessions_in(cases)) - len(todo)
+    names = [session.name for session in todo]
+    done = [session.name for session in sessions_in(cases) if session.name not in names]
+    before = len(done)
+    begin_results(cases, results, done, names, leave_out)
     failed: list[str] = []
 
     def end(session: Path, ok: bool) -> None:

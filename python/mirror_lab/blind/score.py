@@ -34,6 +34,7 @@ from .comparison import (
 )
 from .errors import BlindError
 from .first_day_score import by_hand, first_day
+from .made_of import check_results
 from .runner import RESULT, sessions_in
 from .seal import unseal
 from .shrinkage import frictions_of, is_judge, load_pixels, reference_of_folder, true_closed
@@ -43,7 +44,8 @@ from .statistics import Rate, coverage, rate, reliability
 def without_effect(answer: dict[str, Any], effect: str) -> dict[str, Any]:
     """The answer as it reads for a vocabulary that lacks `effect`: what has it is outside then.
 
-    Of a single cause the answer tells what the others of the vocabulary can make of it (`left_out`).
+    Of a single cause the answer tells what the others of the vocabulary can make of it (`left_out`); of one among several it does
+    not (`is_left_out_of_several`).
     """
     if all(c["effect"] != effect for c in answer["causes"]):
         return answer
@@ -61,12 +63,24 @@ def without_effect(answer: dict[str, Any], effect: str) -> dict[str, Any]:
     return {**answer, **answer.get("left_out", {}), "causes": causes}
 
 
-def load(cases: Path, results: Path, leave_out: str | None = None) -> tuple[list[Scored], list[str]]:
-    """All sessions with a result, and the names of those without one; each answer is checked against its
-    seal."""
-    scored, missing = [], []
+def is_left_out_of_several(answer: dict[str, Any], effect: str | None) -> bool:
+    """Whether `effect` is one of several causes. What the others can make of it then was not judged."""
+    return len(answer["causes"]) > 1 and any(c["effect"] == effect for c in answer["causes"])
+
+
+def load(
+    cases: Path, results: Path, leave_out: str | None = None
+) -> tuple[list[Scored], list[str], list[str]]:
+    """All sessions with a result, the names of those without one, and of those in which `leave_out` is one of several causes; each
+    answer is checked against its seal, and each result against the seal of its session."""
+    with_result = [s.name for s in sessions_in(cases) if (results / s.name).is_dir()]
+    check_results(cases, results, with_result, leave_out)
+    scored, missing, several = [], [], []
     for session in sessions_in(cases):
         answer = unseal(cases / "answers" / f"{session.name}.json", session / "seal.json")
+        if is_left_out_of_several(answer, leave_out):
+            several.append(session.name)
+            continue
         if leave_out is not None:
             answer = without_effect(answer, leave_out)
         path = results / session.name / RESULT
@@ -91,7 +105,7 @@ def load(cases: Path, results: Path, leave_out: str | None = None) -> tuple[list
         judged, closed = _true_closed(session, answer, said, cases / "answers" / f"{session.name}.npz")
         seconds, cpu_seconds = times.get("seconds"), times.get("cpu_seconds")
         scored.append(Scored(session.name, answer, said, seconds, cpu_seconds, closed, judged))
-    return scored, missing
+    return scored, missing, several
 
 
 def _refusal(failure: Path) -> str | None:
@@ -118,12 +132,13 @@ def _true_closed(
 def score(cases: Path, results: Path, leave_out: str | None = None) -> dict[str, Any]:
     """The content of the page, as JSON-ready data; `leave_out` names an effect that the diagnosis
     lacked."""
-    everything, missing = load(cases, results, leave_out)
+    everything, missing, left_out_of_several = load(cases, results, leave_out)
     # Whole mistakes are counted apart.
     scored = [c for c in everything if not any("mistake" in t for t in c.truths)]
     single = [c for c in scored if c.kind == "single"]
     several = [c for c in scored if c.kind == "several"]
-    none = [c for c in scored if c.kind == "none"]
+    # Where mounts are off there is something to name: `by_hand` counts these (`none_only_set_up`).
+    none = [c for c in scored if c.kind == "none" and "setup" not in c.answer]
     outside = [c for c in scored if c.kind == "outside"]
     clear = [c for c in single if identifiable(c, c.truths[0])]
     unclear = [c for c in single if not identifiable(c, c.truths[0])]
@@ -144,6 +159,7 @@ def score(cases: Path, results: Path, leave_out: str | None = None) -> dict[str,
         "version": 1,
         "sessions": len(everything),
         "without_result": missing,
+        "left_out_of_several": left_out_of_several,
         "by_hand": by_hand(scored),
         "first_day": first_day(everything),
         "single_identifiable_right": rate(
@@ -225,7 +241,7 @@ def failures(scored: list[Scored]) -> list[dict[str, Any]]:
     out = []
     for c in scored:
         if c.kind == "none":
-            wrong = c.said.get("verdict") != "none"
+            wrong = bool(invented(c)) if "setup" in c.answer else c.said.get("verdict") != "none"
         elif c.kind == "outside":
             wrong = identifiable(c, c.truths[0]) and not outside_verdict(c)["met"]
         else:

@@ -108,7 +108,7 @@ def reference_of_folder(session: Path, pixels: TruePixels, answer: dict[str, Any
     urdf = (session / meta["robot"]).read_text(encoding="utf-8")
     with (session / "frames.csv").open(encoding="utf-8", newline="") as file:
         rows = list(csv.DictReader(file))
-    joints = [c for c in rows[0] if c not in ("frame", "posture", "time_s")]
+    joints = [c for c in rows[0] if c not in ("frame", "posture", "time_s", "image")]
     of_frame = np.array([int(r["posture"]) for r in rows])
     postures = int(of_frame.max()) + 1
     q, time = np.zeros((postures, len(joints))), np.zeros(postures)

@@ -29,6 +29,7 @@ from .mistakes import MISTAKES, SLIPS, Told, draw_mistakes
 from .mounting import Mounting, draw_mounting, rotation_of
 from .noise import Noise, add_outliers, blob_errors, corner_errors, draw_noise
 from .outside import OUTSIDE
+from .resting import rest_elsewhere
 from .truth import Commands, Truth
 from .views import Plan, place_mirrors, plan_postures
 
@@ -291,8 +292,9 @@ def simulate(name: str, kind: str, draws: Sequence[str], rng: np.random.Generato
         causes.append(_draw_apart(effect, rng, scene, truth, causes))
     small: list[Cause] = []
     if options.imperfect > 0:
-        # A generator of its own: with and without small errors the rest of the session is the same.
-        small = add_small_errors(copy.deepcopy(rng), scene, truth, options.imperfect)
+        # A generator of its own: with and without small errors causes and mounts are the same. Not all that follows is, because mirrors
+        # are placed by what is seen.
+        small = add_small_errors(rng.spawn(1)[0], scene, truth, options.imperfect)
     lens = optics.Lens(
         real.focal_px,
         real.center_px + truth.center_shift_px,
@@ -366,6 +368,9 @@ def simulate(name: str, kind: str, draws: Sequence[str], rng: np.random.Generato
         case.answer["small"] = small
     case.noise_told = options.noise_told
     if mistakes:
+        if options.rest_rad > 0:
+            # The true log, which a mistake then changes, already has the joints elsewhere.
+            rest_elsewhere(case, options.rest_rad, rng.spawn(1)[0])
         case.told = draw_mistakes(rng, mistakes, case, made)
     return case
 

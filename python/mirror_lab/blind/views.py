@@ -31,9 +31,12 @@ class Plan:
 def plan_postures(
     robot: Robot, rng: np.random.Generator, frames: tuple[int, int] = (120, 310), least: int = 45
 ) -> Plan:
-    """Postures spread over the joints' ranges, in random order: independent ones, or a walk with rests."""
+    """Postures spread over the joints' ranges, in random order: independent ones, or a walk with rests.
+
+    The number of frames is drawn below the larger one, as it always was: a seed keeps its sessions.
+    """
     views = int(rng.choice([1, 2, 3], p=[0.15, 0.45, 0.40]))
-    wanted = int(rng.integers(*frames))
+    wanted = int(rng.integers(frames[0], max(frames[1], frames[0] + 1)))
     postures = max(least, wanted // views)
     low = np.array([robot.ranges[j][0] for j in robot.commanded])
     high = np.array([robot.ranges[j][1] for j in robot.commanded])

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .drawing import hue_tolerance_deg, marker_hue_deg
+from .mistakes import told_truly
 from .picture_files import write_pictures
 
 if TYPE_CHECKING:
@@ -39,9 +40,7 @@ def write_session(case: Case, folder: Path, rng: np.random.Generator | None = No
         )
         pictures = [f"images/{drawn[i]}," for i in case.picture_of_frame]
     rows = ["frame,posture,time_s," + ("image," if pictures else "") + ",".join(joints)]
-    q_of_frame = told.q if told else plan.commands.q_rad[plan.posture_of_frame]
-    if case.logged_off_rad is not None:
-        q_of_frame = q_of_frame + case.logged_off_rad[plan.posture_of_frame]
+    q_of_frame = (told or told_truly(case)).q
     posture_of_frame = _postures(plan.posture_of_frame, q_of_frame)
     for f, (p, t) in enumerate(zip(posture_of_frame, plan.time_of_frame_s, strict=True)):
         image = pictures[f] if pictures else ""

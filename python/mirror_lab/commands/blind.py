@@ -243,7 +243,7 @@ def run(
         where = partial(on_fleet, scheduler, certificates) if scheduler else partial(on_this_machine, workers)
         with output.counting("diagnosing", len(sessions_to_do(cases, results))) as count:
             done = itertools.count(1)
-            report = run_sessions(cases, results, submit, where, lambda *_: count(next(done)))
+            report = run_sessions(cases, results, submit, where, lambda *_: count(next(done)), leave_out)
     for name in report.failed:
         output.warn(f"{name}: the diagnosis failed; see {results / name / 'failure.json'}")
     rows = [

@@ -76,19 +76,27 @@ def run(
     folders = sorted(p for p in cases.glob("case-*") if p.is_dir() and not p.name.endswith("-unseen"))
     if not folders:
         raise MirrorPostureError(f"{cases}: has no session (case-0000, ...): make some with `moving make`")
+    from ..blind import BlindError
+    from ..blind.made_of import begin_results
+
+    done = [p.name for p in folders if (results / p.name / "diagnosis.json").is_file()]
+    try:
+        begin_results(cases, results, done, [p.name for p in folders if p.name not in done])
+    except BlindError as error:
+        raise MirrorPostureError(str(error)) from None
     failed = []
     for number, folder in enumerate(folders, start=1):
         target = results / folder.name
-        if (target / "diagnosis.json").is_file():
+        if folder.name in done:
             continue
         command = [
             sys.executable, "-m", "mirror_posture", "diagnose", str(folder), "--model", str(folder / "model.xml"),
             "--check", str(folder.with_name(f"{folder.name}-unseen")), "--out", str(target),
         ]  # fmt: skip
-        done = subprocess.run(command, capture_output=True, text=True, check=False)
-        if done.returncode:
+        ended = subprocess.run(command, capture_output=True, text=True, check=False)
+        if ended.returncode:
             failed.append(folder.name)
-            output.warn(f"{folder.name}: {done.stderr.strip()[-300:]}")
+            output.warn(f"{folder.name}: {ended.stderr.strip()[-300:]}")
         output.say(f"{number} of {len(folders)}: {folder.name}")
     output.result({"diagnosed": len(folders) - len(failed), "failed": failed})
 
@@ -106,9 +114,13 @@ def score(
     Example: `mirror-posture moving score moving`
     """
     output = Output(as_json)
+    from ..blind import BlindError
     from ..moving.score import score as scored
 
-    found = scored(cases, results or cases / "results")
+    try:
+        found = scored(cases, results or cases / "results")
+    except BlindError as error:
+        raise MirrorPostureError(str(error)) from None
     if not found.lines:
         raise MirrorPostureError(
             f"{results or cases / 'results'}: has no diagnosis of a case with an answer in {cases / 'answers'}; `moving make` and `moving run` "

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from ..blind import optics
 from ..blind.drawn_robots import two_arms
+from ..blind.made_of import begin_set
 from ..blind.noise import Noise, add_outliers, blob_errors, corner_errors, draw_noise
 from ..blind.robots import Robot, board_points
 from ..blind.seal import seal
@@ -323,14 +324,25 @@ def make_cases(
     seconds: float = 20.0,
     only: Sequence[str] = (),
 ) -> list[Path]:
-    """Writes moving sessions with 0 to 3 drawn causes (of `only`, if told); the answers, sealed, to the folder `answers`.
+    """Writes moving sessions with 0 to 3 drawn causes (of `only`, if told); the answers, sealed, to the folder `answers`. Sessions that
+    exist are not made again.
 
     Raises:
-        ValueError: an effect in `only` of which the judge has no law.
+        ValueError: an effect in `only` of which the judge has no law, or numbers of causes that contradict each other or `only`;
+            `BlindError`, where the folder's sessions were made with another seed or other options.
     """
     if unknown := sorted(set(only) - set(LAWS)):
         raise ValueError(f"effects: got {', '.join(unknown)}, needed some of {', '.join(sorted(LAWS))}")
-    laws = sorted(only) or sorted(LAWS)
+    laws = sorted(set(only)) or sorted(LAWS)
+    if not 0 <= causes[0] <= causes[1]:
+        raise ValueError(
+            f"causes: got at least {causes[0]} and at most {causes[1]}; needed a least number up to the largest"
+        )
+    if causes[0] > len(laws):
+        raise ValueError(
+            f"causes: got at least {causes[0]} of {', '.join(laws)}; needed at most {len(laws)}, since a session has each effect once"
+        )
+    begin_set(out, seed, {"robots": robots, "causes": causes, "seconds": seconds, "only": sorted(set(only))})
     made = []
     for place in (out, out / "answers"):
         remove_unfinished(place)
@@ -344,6 +356,7 @@ def make_cases(
         )
         effects = [str(e) for e in rng.choice(laws, size=min(count, len(laws)), replace=False)]
         name = f"case-{number:04d}"
-        make_case(out / name, kind, effects, rng, seconds, out / "answers")
+        if not ((out / name / "seal.json").is_file() and (out / "answers" / f"{name}.json").is_file()):
+            make_case(out / name, kind, effects, rng, seconds, out / "answers")
         made.append(out / name)
     return made

@@ -17,6 +17,7 @@ from typing import Any
 
 import numpy as np
 
+from ..blind.made_of import check_results
 from ..blind.seal import unseal
 
 UNSEEN_FLOORS = 1.2
@@ -89,8 +90,11 @@ class Score:
 
 
 def score(cases: Path, results: Path) -> Score:
-    """Opens the answers of the cases that have a diagnosis, and compares. Raises `BlindError` for a broken seal."""
+    """Opens the answers of the cases that have a diagnosis, and compares. Raises `BlindError` for a broken seal, and for the result of
+    another session."""
     out = Score()
+    with_result = [p.parent.name for p in results.glob("case-*/diagnosis.json")]
+    check_results(cases, results, sorted(with_result))
     for answer_file in sorted((cases / "answers").glob("case-*.json")):
         name = answer_file.stem
         told_file = results / name / "diagnosis.json"

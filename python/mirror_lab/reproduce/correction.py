@@ -26,6 +26,7 @@ from mirror_posture.render import View
 from ..robots import HiddenEffect, TwinOptions, TwinRobot
 from .body import MARKER, TARGET_RAD, Body, error_mm
 from .observation import Told
+from .spread import deviation
 
 Floats = npt.NDArray[np.float64]
 
@@ -127,8 +128,8 @@ class Runs:
 
     @property
     def std(self) -> Floats:
-        """(corrections + 1,), between runs."""
-        return np.asarray(self.distance_mm.std(axis=0))
+        """(corrections + 1,), between runs; NaN of one run."""
+        return deviation(self.distance_mm, axis=0)
 
     @property
     def along(self) -> Floats:

@@ -41,6 +41,8 @@ class Options:
     only: tuple[str, ...] = NAMES
 
     def __post_init__(self) -> None:
+        if not self.only:
+            raise MirrorPostureError(f"only: got no figure, needed some of {', '.join(NAMES)}")
         for name in self.only:
             if name not in NAMES:
                 raise MirrorPostureError(f"only: got {name!r}, needed some of {', '.join(NAMES)}")
@@ -106,7 +108,10 @@ class Experiments:
 
     def _fig8(self) -> Experiment:
         figure = ray_figures.fig8(self._eye, *self._rays_by_distance)
-        return figure if self.options.pictures else size.added_to(figure, self._eye.stand)
+        if self.options.pictures:
+            return figure
+        trials = self.options.trials or size.SWEEP_TRIALS
+        return size.added_to(figure, self._eye.stand, trials, self.options.seed)
 
     def _fig9(self) -> Experiment:
         return ray_figures.fig9(self._eye, *self._rays_by_angle)

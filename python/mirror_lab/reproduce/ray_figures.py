@@ -26,7 +26,7 @@ def _millimetres(found: RayErrors) -> dict[str, Any]:
     return {
         "noise_px": found.noise_px,
         "trials": found.trials,
-        "rays_seen": found.seen().tolist(),
+        "rays_seen": found.seen("point_pair").tolist(),
         "mean_mm": {name: found.mean(name) for name in found.error_mm},
         "std_mm": {name: found.std(name) for name in found.error_mm},
     }

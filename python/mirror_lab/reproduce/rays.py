@@ -15,6 +15,7 @@ from mirror_posture.render import View
 
 from .observation import Eye, NoisyEye, Sighting, Told
 from .plots import BEYOND, EQ1, EQ2, OURS
+from .spread import deviation, students_95
 
 Floats = npt.NDArray[np.float64]
 
@@ -53,16 +54,18 @@ class RayErrors:
         return _over_trials(np.nanmean, self.error_mm[estimator])
 
     def std(self, estimator: Estimator) -> Floats:
-        """(views, markers), between trials."""
-        return _over_trials(np.nanstd, self.error_mm[estimator])
+        """(views, markers), between trials; NaN where fewer than two saw the marker."""
+        return _over_trials(deviation, self.error_mm[estimator])
 
     def half_width(self, estimator: Estimator) -> Floats:
-        """(views, markers): half of the mean's 95 % interval."""
-        return 1.96 * self.std(estimator) / np.sqrt(np.maximum(self.seen(), 1))
+        """(views, markers): half of the mean's 95 % interval, by Student's distribution."""
+        seen = self.seen(estimator)
+        quantile = np.array([students_95(n - 1) for n in seen.ravel()]).reshape(seen.shape)
+        return quantile * self.std(estimator) / np.sqrt(np.maximum(seen, 1))
 
-    def seen(self) -> npt.NDArray[np.int64]:
+    def seen(self, estimator: Estimator) -> npt.NDArray[np.int64]:
         """(views, markers): how many trials gave a ray."""
-        return np.asarray(np.isfinite(self.error_mm["point_pair"]).sum(axis=1))
+        return np.asarray(np.isfinite(self.error_mm[estimator]).sum(axis=1))
 
 
 def _over_trials(reduce: Any, error_mm: Floats) -> Floats:

@@ -56,16 +56,16 @@ def sweep(
     return sizes
 
 
-def added_to(figure: Experiment, stand: Stand) -> Experiment:
+def added_to(figure: Experiment, stand: Stand, trials: int = SWEEP_TRIALS, seed: int = 0) -> Experiment:
     """The figure with the sweep in its data and, in words, in its notes."""
-    sizes = sweep(stand)
+    sizes = sweep(stand, trials=trials, seed=seed)
     rows = "; ".join(
         f"{one.noise_px:g} px: {', '.join(f'{100 * part:.0f} %' for part in one.filled.values())}"
         for one in sizes
     )
     note = f"How far up the paper's axes of Figs. 8, 9, 10 and 11 (90, 12, 50 and 25 mm) Eq. 1 comes, by corner noise. {rows}."
     data = {
-        "trials": SWEEP_TRIALS,
+        "trials": trials,
         "paper_axes_mm": PAPER_AXES_MM,
         "largest_mm": [{"noise_px": s.noise_px, "eq1": s.eq1_mm, "eq2": s.eq2_mm} for s in sizes],
     }

@@ -196,15 +196,16 @@ class HiddenBody:
             )
 
     def _build_link(self, one: HiddenEffect, body: int) -> None:
-        following = [i for i in self._carried[body][1:] if self.bodies[i].joint_type != "fixed"]
-        following = [i for i in following if self.bodies[i].parent == body]
+        following = self._next_joints(body)
         if one.effect == "link_length":
             if not following:
                 raise MirrorPostureError(f"link_length at {one.at}: this link carries no joint")
-            for i in following:
+            # Beyond a fixed child, that child leads to the joint.
+            for i in {path[0] for path in following}:
                 self._origin[i] = self._origin[i] + _shift(one.parameters)
             return
-        ends = [self.bodies[i].xyz_m for i in (following or self._carried[body][1:])]
+        paths = following or [[i] for i in self._carried[body][1:] if self.bodies[i].parent == body]
+        ends = [self._end_of(path) for path in paths]
         tip = np.mean(ends, axis=0) if ends else 2.0 * self.bodies[body].com_m
         length = float(np.linalg.norm(tip))
         if length < 1e-6:
@@ -212,6 +213,24 @@ class HiddenBody:
         along = tip / length
         across = np.eye(3) - np.outer(along, along)
         self._bends.append((body, one.parameters["compliance_rad_per_nm"], 0.5 * tip, across))
+
+    def _next_joints(self, body: int) -> list[list[int]]:
+        """By joint that a link carries, directly or through fixed links: the bodies from the link's child to the joint's."""
+        paths = []
+        for i in self._carried[body][1:]:
+            path = [i]
+            while (parent := self.bodies[path[0]].parent) != body:
+                path.insert(0, parent)
+            if [self.bodies[k].joint_type == "fixed" for k in path] == [True] * (len(path) - 1) + [False]:
+                paths.append(path)
+        return paths
+
+    def _end_of(self, path: Sequence[int]) -> Floats:
+        """The origin of the last body of a path of fixed ones, in the frame of the link that carries the first."""
+        end = np.zeros(3)
+        for i in reversed(path):
+            end = self.bodies[i].xyz_m + self.bodies[i].rotation @ end
+        return end
 
     def _carried_by_each(self) -> list[list[int]]:
         carried: list[list[int]] = [[] for _ in self.bodies]

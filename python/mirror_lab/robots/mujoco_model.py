@@ -8,7 +8,7 @@ Names and parameters are those of docs/effects.md.
 from __future__ import annotations
 
 import xml.etree.ElementTree as ET
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -40,7 +40,7 @@ STICTION_DROOP_SHARE = 0.15
 
 @dataclass(frozen=True)
 class ServoOptions:
-    """How strong the servos are. A model's own position servos are kept as they are."""
+    """How strong the servos are. A model's own position servos are kept as they are, but for those that are to stick (`stiction`)."""
 
     droop_rad: float = 0.0005
     """The servo's error at the largest load of gravity: proportional gain, no integral."""
@@ -111,7 +111,7 @@ def build(
             raise MirrorPostureError(
                 f"{one.effect} at {one.at}: the parameter {parameter} is missing"
             ) from None
-    _add_servos(spec, joints, stiffness, hiding.friction)
+    _add_servos(spec, joints, stiffness, hiding.friction, hiding.sticking)
     model = _compiled(spec)
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
@@ -168,8 +168,9 @@ def _add_servos(
     joints: Sequence[str],
     stiffness: Mapping[str, float],
     friction: Mapping[str, float],
+    sticking: Collection[str],
 ) -> None:
-    own = {a.target for a in spec.actuators if _holds_positions(a)}
+    own = {a.target for a in spec.actuators if _holds_positions(a)}.difference(sticking)
     for actuator in [a for a in spec.actuators if a.target in joints and a.target not in own]:
         spec.delete(actuator)
     for joint in joints:
@@ -223,6 +224,8 @@ class _Hiding:
     stiffness: dict[str, float]
     friction: dict[str, float]
     errors: dict[str, list[ServoError]] = field(default_factory=dict)
+    sticking: set[str] = field(default_factory=set)
+    """Joints whose servo is another one than the model's own."""
 
     def hide(self, number: int, one: HiddenEffect) -> None:
         kind, _, place = one.at.partition(":")
@@ -277,6 +280,7 @@ class _Hiding:
         elif one.effect == "stiction":
             soft = max(self.loads[joint], 1e-3) / (STICTION_DROOP_SHARE * p["deadband_rad"])
             self.stiffness[joint], self.friction[joint] = soft, soft * p["deadband_rad"]
+            self.sticking.add(joint)
         else:
             return False
         return True
@@ -287,10 +291,11 @@ def _at_body(body: mujoco.MjsBody, number: int, one: HiddenEffect) -> bool:
     if one.effect == "link_bending" and kind == "link":
         _bend(body, number, 1.0 / p["compliance_rad_per_nm"])
     elif one.effect == "link_length" and kind == "link":
-        following = [child for child in body.bodies if child.joints]
-        if not following:
+        # Beyond a fixed child, that child leads to the joint.
+        leading = [child for child in body.bodies if any(True for _ in _next_joints(child))]
+        if not leading:
             raise MirrorPostureError(f"link_length at {one.at}: this link carries no joint")
-        for child in following:
+        for child in leading:
             child.pos = np.asarray(child.pos) + _shift(p)
     elif one.effect == "marker_mount" and kind == "marker":
         body.pos = np.asarray(body.pos) + _shift(p)
@@ -344,7 +349,7 @@ def _set_stiffness(part: mujoco.MjsJoint, stiffness: float) -> None:
 
 def _bend(body: mujoco.MjsBody, number: int, stiffness: float) -> None:
     """Two elastic hinges across a link at its middle, equivalent to a uniform beam's bending."""
-    ends = [np.asarray(child.pos) for child in body.bodies if child.joints]
+    ends = [at for child in body.bodies for at in _next_joints(child)]
     ends = ends or [np.asarray(child.pos) for child in body.bodies]
     tip = np.mean(ends, axis=0) if ends else 2.0 * np.asarray(body.ipos)
     length = float(np.linalg.norm(tip))
@@ -359,6 +364,19 @@ def _bend(body: mujoco.MjsBody, number: int, stiffness: float) -> None:
         part.limited = mujoco.mjtLimited.mjLIMITED_FALSE
         part.armature = PART_ARMATURE_KGM2
         _set_stiffness(part, stiffness)
+
+
+def _next_joints(body: mujoco.MjsBody) -> Iterator[Floats]:
+    """The origins of the next bodies with a joint in a branch that begins with a body, in the frame of its parent."""
+    at = np.asarray(body.pos, dtype=float)
+    if body.joints:
+        yield at
+        return
+    for child in body.bodies:
+        for beyond in _next_joints(child):
+            turned = np.zeros(3)
+            mujoco.mju_rotVecQuat(turned, beyond, np.asarray(body.quat, dtype=float))
+            yield at + turned
 
 
 def _damp(model: mujoco.MjModel, data: mujoco.MjData) -> None:
