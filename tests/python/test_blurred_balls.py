@@ -100,9 +100,12 @@ def test_a_ball_behind_a_plate_is_not_taken_for_a_moved_one() -> None:
     hidden = dict.fromkeys(BALLS, 0.25)
     coded = cv2.imencode(".jpg", levels(light(hidden), 5), [cv2.IMWRITE_JPEG_QUALITY, 92])[1]
     picture = cv2.imdecode(coded, cv2.IMREAD_COLOR)
-    for view in detect_markers(
+    views = detect_markers(
         picture, MARKERS, CAMERA, expected=expected(5), chroma_step_px=(2, 2), quantisation_step=2.0
-    ):
+    )
+    # Today all four are found.
+    assert sum(view.ok for view in views) >= 3, [(view.name, view.reason) for view in views]
+    for view in views:
         if view.ok:
             error = np.subtract(view.pixel_px, outline(view.name)[0])
             assert np.hypot(*error) < max(0.3, 4.0 * (view.std_px or 0.0)), (view.name, error, view.std_px)

@@ -369,9 +369,9 @@ def test_proposed_views_show_everything_and_differ_in_pitch() -> None:
             p for view in PAPER_VIEWS for p in prospects(target, view, (view.yaw_rad,), (view.pitch_rad,))
         ]
         best = [p for view in views[:2] for p in prospects(target, view, (view.yaw_rad,), (view.pitch_rad,))]
-        if len(paper) == 2:
-            better, usual = predicted_std_m(target, [best, paper])
-            assert better < 0.7 * usual
+        assert len(paper) == 2
+        better, usual = predicted_std_m(target, [best, paper])
+        assert better < 0.7 * usual
 
 
 def test_the_third_view_has_another_pitch_also_where_few_have() -> None:

@@ -185,6 +185,7 @@ def test_a_dark_side_before_a_shadow_is_no_edge_farther_out(tmp_path: Path) -> N
 
 @pytest.mark.parametrize("hidden", [0.1, 0.25, 0.4])
 def test_a_ball_half_behind_a_plate_is_where_it_is(hidden: float) -> None:
+    found = 0
     for seed in range(4):
         rng = np.random.default_rng(seed)
         center = (float(rng.uniform(90, 230)), float(rng.uniform(70, 170)))
@@ -192,10 +193,13 @@ def test_a_ball_half_behind_a_plate_is_where_it_is(hidden: float) -> None:
         hint = PredictedMarker("hand", (center[0] + 6.0, center[1] - 4.0), np.inf, RADIUS * 1.03)
         (view,) = detect_markers(picture, (MARKER,), CAMERA, expected=(hint,))
         if view.ok:
+            found += 1
             error = float(np.hypot(*np.subtract(view.pixel_px, center)))
             assert error < max(0.3, 4.0 * view.std_px), (seed, error, view.std_px)
         else:
             assert hidden > 0.2, view.reason
+    # Today all four are found.
+    assert found >= 3
 
 
 @pytest.mark.parametrize("hidden", [0.05, 0.1])

@@ -103,7 +103,10 @@ def test_a_view_of_no_corner_is_refused_and_the_worst_of_several_may_hide_some()
     seen[1, :7] = np.nan
     part, warnings = picture_residuals.tested_mirrors(rig, seen, 0.1, ["good", "worse"])
     assert part.valid.all() and len(warnings) == 1
-    assert part.covariances_m2[0].trace() == pytest.approx(whole.covariances_m2[0].trace(), rel=0.8)
+    # A fifth of the corners less says less; what is left of them shows other noise, whose square multiplies the covariance.
+    assert part.noise_px[0] == pytest.approx(whole.noise_px[0], rel=0.2)
+    ratio = part.covariances_m2[0].trace() / whole.covariances_m2[0].trace()
+    assert 1.0 <= ratio / float(part.noise_px[0] / whole.noise_px[0]) ** 2 < 1.25, ratio
     seen[1] = np.nan
     with pytest.raises(MirrorPostureError, match=r"worse: .*does not fit"):
         picture_residuals.tested_mirrors(rig, seen, 0.1, ["good", "worse"])

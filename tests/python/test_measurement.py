@@ -281,8 +281,18 @@ def mitsuba() -> tuple[Session, dict]:
 
 
 @pytest.mark.skipif(not MITSUBA.is_dir(), reason=f"the data is not there: {MITSUBA}")
-@pytest.mark.parametrize("estimator", ["point-pair", "maximum-likelihood", "joint"])
-def test_markers_in_pictures_by_another_renderer(estimator: str) -> None:
+@pytest.mark.parametrize(
+    ("estimator", "most_rms_m", "least", "most"),
+    # The RMS error is 0.12, 0.11 and 0.13 mm, the squared error over the claimed variance 2.0, 1.0 and 0.5: both with a fifth and more to spare.
+    [
+        ("point-pair", 0.14e-3, 1.4, 2.9),
+        ("maximum-likelihood", 0.13e-3, 0.7, 1.5),
+        ("joint", 0.16e-3, 0.3, 0.7),
+    ],
+)
+def test_markers_in_pictures_by_another_renderer(
+    estimator: str, most_rms_m: float, least: float, most: float
+) -> None:
     session, truth = mitsuba()
     found = mp.measure(session, MeasureOptions(estimator)).markers
     names, first = (
@@ -298,11 +308,9 @@ def test_markers_in_pictures_by_another_renderer(estimator: str) -> None:
             for k in good
         ]
     )
-    assert np.sqrt((error**2).sum(axis=1).mean()) < 0.0005
-    if estimator == "maximum-likelihood":
-        chi_squared = np.einsum("ki,kij,kj->k", error, np.linalg.inv(found.covariance_m2[good]), error)
-        # The claim is the detector's; within a factor of two of the truth it is honest.
-        assert 3.0 / 4.0 < chi_squared.mean() < 3.0 * 4.0
+    assert np.sqrt((error**2).sum(axis=1).mean()) < most_rms_m
+    chi_squared = np.einsum("ki,kij,kj->k", error, np.linalg.inv(found.covariance_m2[good]), error)
+    assert least < chi_squared.mean() / 3.0 < most
 
 
 def test_markers_in_traced_pictures_from_two_views(tmp_path: Path) -> None:

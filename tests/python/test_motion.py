@@ -171,12 +171,15 @@ def test_columns_are_the_differences_of_residuals(late: tuple[Path, float]) -> N
     ):
         of, columns = problem.columns({}, [key])
         step = problem.hypotheses[key].step
+        assert [slot for _, slot in of] == list(range(len(step))), key
         for k, (_, slot) in enumerate(of):
             values = tuple(0.5 * s if i == slot else 0.0 for i, s in enumerate(step))
             base, moved = problem.residuals([{}, {key: values}])
             assert base is not None and moved is not None
             exact = 2.0 * (base - moved)[seen]
             told = columns[..., k][seen]
+            # Of this motion 7 at least, the residuals' own unit.
+            assert np.linalg.norm(exact) > 1.0, (key, slot)
             assert np.linalg.norm(told - exact) < 0.05 * np.linalg.norm(exact) + 1e-9, (key, slot)
 
 

@@ -61,8 +61,9 @@ session = load_session(sys.argv[1])
 recording = to_core(session)
 print("ready", flush=True)
 try:
-    while True:
-        recording.diagnose([], 6, [("again", recording, [])] * 20, [], False)
+    # Seconds in one call. A core that passes the interrupt over ends it, and the interrupt comes late.
+    recording.diagnose([], 6, [("again", recording, [])] * 2000, [], False)
+    print("ended by itself", flush=True)
 except KeyboardInterrupt:
     print("interrupted", flush=True)
 """
@@ -76,6 +77,7 @@ print("ready", flush=True)
 try:
     # One picture of minutes.
     render_session(sys.argv[1] + "-drawn", [{}], [View()], options=PictureOptions(samples=64, edge_samples=64))
+    print("ended by itself", flush=True)
 except KeyboardInterrupt:
     print("interrupted", flush=True)
 """
@@ -100,8 +102,8 @@ def test_ctrl_c_is_answered_at_once(tracked: Path, text: str) -> None:
     assert child.stdout.readline() == "interrupted\n"
     took = cpu_s(child.pid) - begun
     assert child.wait() == 0
-    # 0.1 s of a core; far below the seconds that a diagnosis takes.
-    assert took < 1.0 * (os.cpu_count() or 1), took
+    # It takes 0.1 s of a core; the diagnosis takes 7 s of the cores together, the picture minutes.
+    assert took < 3.0, took
 
 
 BATCHES = """
