@@ -25,6 +25,7 @@ from mirror_posture.rotations import pose_of
 from mirror_posture.short_repr import ShortRepr
 
 from ..simulate.gap import CORNER_NOISE_PX
+from ..simulate.mounts import turn_of_mount
 from .effects import Causes
 from .false_images import false_images
 from .recording import Recording
@@ -101,12 +102,8 @@ class View:
     def _turned_mount(self, link: str) -> Floats:
         """From the frame in which a marker's mount is given to that of its link (3, 3): the mount's is that of the link to which the
         marker's link is fixed."""
-        robot = self.session.robot
-        joint = robot.links[robot.link_index(link)].parent_joint
-        if joint is None or robot.joints[joint].kind != "fixed":
-            return np.eye(3)
-        parent_from_marker = np.asarray(robot.joints[joint].parent_from_joint, dtype=np.float64)
-        return np.asarray(parent_from_marker[:3, :3].T)
+        parent_from_marker = turn_of_mount(self.session.robot, link)
+        return np.eye(3) if parent_from_marker is None else parent_from_marker.T
 
     def _camera_from_board(self, board_positions: Floats, causes: Causes) -> Floats:
         poses = self.session.robot.link_poses(board_positions, self.links)

@@ -14,6 +14,7 @@ from mirror_posture.rotations import pose_of, tilt_directions
 from .changed import Changed, Values
 from .joint_faults import PART_ARMATURE_KGM2, soften
 from .model import element_of
+from .mounts import turn_of_mount
 from .poses import on_carrier, place, place_alone, place_on_carrier, pose
 
 
@@ -117,20 +118,20 @@ def _turn_of_mount(changed: Changed, link: str, element: Any) -> Floats:
     A mount is given in the frame of the link to which the URDF fixes the marker's link. The model may lack that link.
     """
     robot = changed.session.robot
+    own, mount = pose(element)[:3, :3], turn_of_mount(robot, link)
     joint = robot.links[robot.link_index(link)].parent_joint
-    own = pose(element)[:3, :3]
-    if joint is None or robot.joints[joint].kind != "fixed":
+    if mount is None or joint is None:
         return own
-    mount = np.asarray(robot.joints[joint].parent_from_joint, float)[:3, :3]
     turn, at = np.eye(3), robot.joints[joint].parent_link
     while True:
         above = robot.links[robot.link_index(at)].parent_joint
         if at == element.parent.name or (above is None and element.parent.name == "world"):
             return turn
-        if above is None or robot.joints[above].kind != "fixed":
+        fixed = turn_of_mount(robot, at)
+        if fixed is None or above is None:
             # The model names this body otherwise: only the marker's own frame is common to both.
             return np.asarray(own @ mount.T)
-        turn = np.asarray(robot.joints[above].parent_from_joint, float)[:3, :3] @ turn
+        turn = fixed @ turn
         at = robot.joints[above].parent_link
 
 

@@ -58,9 +58,9 @@ impl PlannedSession {
         let foreseen = self.of.keys().filter_map(|&h| {
             let (effect, at) = self.name(h);
             let sizes = limits.remove(&(effect.clone(), at.clone()))?;
-            let of = |name: String| (sizes.get(&name).copied().flatten(), name);
-            let named = self.catalogue.effect(h).parameters().into_iter().map(of);
-            let parameters: Vec<(String, Option<f64>)> = named.map(|(size, name)| (name, size)).collect();
+            let names = self.catalogue.effect(h).parameters().into_iter();
+            let parameters: Vec<(String, Option<f64>)> =
+                names.map(|name| (name.clone(), sizes.get(&name).copied().flatten())).collect();
             let twins = self.told(h, &parameters, &rivals[&h]);
             Some(Foreseen { effect, at, parameters, twins })
         });
