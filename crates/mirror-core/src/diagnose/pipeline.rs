@@ -29,10 +29,9 @@ use crate::diagnose::random_effects::free_form::free_forms;
 use crate::diagnose::report::board_shape::{NotFlat, not_flat};
 use crate::diagnose::report::build;
 use crate::diagnose::report::missing_rows::rows_are_missing;
+use crate::diagnose::report::noise_warnings::{noise_is_larger, noise_may_be_larger};
 use crate::diagnose::report::optics_together;
-use crate::diagnose::report::reservations::{
-    background_was_taken, hangs_on_regions, noise_may_be_larger, reserve, told_together,
-};
+use crate::diagnose::report::reservations::{background_was_taken, hangs_on_regions, reserve, told_together};
 use crate::diagnose::report::rounded_positions::positions_are_rounded;
 use crate::diagnose::report::seen_markers::seen_markers;
 use crate::diagnose::report::spoilt_column::column_is_spoilt;
@@ -239,6 +238,7 @@ fn warn_of_data(
     diagnosis.warnings.extend(rows_are_missing(recording));
     diagnosis.warnings.extend(column_is_spoilt(prepared, &prepared.arranged.frame_numbers));
     diagnosis.warnings.extend(positions_are_rounded(findings)?);
+    diagnosis.warnings.extend(noise_is_larger(findings, recording));
     diagnosis.warnings.extend(noise_may_be_larger(findings)?);
     Ok(())
 }

@@ -11,6 +11,7 @@ mod joint_signatures;
 mod members;
 pub(super) mod missing_rows;
 pub(super) mod named_causes;
+pub(super) mod noise_warnings;
 mod one_scale;
 pub(crate) mod optics_together;
 mod places;

@@ -5,7 +5,6 @@ use crate::diagnose::assessment::evidence;
 use crate::diagnose::assessment::findings::Findings;
 use crate::diagnose::assessment::left_out_together::{LeftOutTogether, left_out_together};
 use crate::diagnose::criteria::cross_validation::{in_sample, seen_size};
-use crate::diagnose::criteria::lack_of_fit::adequacy;
 use crate::diagnose::data::depends_on::DependsOn;
 use crate::diagnose::data::diagnosis::{Cause, Data, Diagnosis, Gap, Verdict, Where};
 use crate::diagnose::data::left_out::Reason;
@@ -19,9 +18,9 @@ use crate::diagnose::principles::{
 };
 use crate::diagnose::random_effects::geometric_tolerances::Geometry;
 use crate::diagnose::report::gap_steps::Part;
+use crate::diagnose::report::noise_warnings::noise_is_not_stated;
 use crate::diagnose::report::one_scale::one_scale;
 use crate::diagnose::report::rms_shift::noise_square;
-use crate::diagnose::selection::nonparametric::Unexplained;
 use crate::error::Result;
 use std::collections::BTreeMap;
 
@@ -40,26 +39,6 @@ pub(crate) fn background_was_taken(data: &Data) -> Option<String> {
             told.join(", ")
         )
     })
-}
-
-/// The warning if what is left may be the markers' noise, which nothing but the session states.
-///
-/// # Errors
-/// Invalid parameters of the camera or mirror.
-pub(crate) fn noise_may_be_larger(findings: &Findings<'_>) -> Result<Option<String>> {
-    if !findings.unexplained.as_ref().is_some_and(Unexplained::is_lawless) {
-        return Ok(None);
-    }
-    let search = &findings.search;
-    let left =
-        adequacy(&search.problem, &search.deformation(&findings.found.fit.model), search.measured_noise)?;
-    let (stated, scale) = (search.measured_noise.marker_px, (1.0 + left.excess).sqrt());
-    Ok((left.significant && left.may_be_noise).then(|| {
-        format!(
-            "what is left is {scale:.2} times the noise of the markers ({stated:.3} px), in all postures alike: where each posture has one view only pixel_std in \
-             session.toml tells that noise, and it may be larger; state what your detector does, or record two mirror poses or more of a posture"
-        )
-    }))
 }
 
 /// The warning if causes selected without the held-out region predict clearly worse than the reported ones.
@@ -134,22 +113,6 @@ fn contradicted_slips(causes: &mut [Cause], findings: &Findings<'_>) {
     for slip in causes.iter_mut().filter(doubtful) {
         slip.probability *= MAJORITY;
     }
-}
-
-/// What a remainder without place or law may be where the noise of measured points is not stated: no view measures it.
-fn unstated_noise(diagnosis: &Diagnosis, findings: &Findings<'_>) -> Option<String> {
-    let problem = &findings.search.problem;
-    let unknown = problem.camera.is_none() && !problem.point_noise_stated;
-    let lawless = findings.unexplained.as_ref().is_some_and(Unexplained::is_lawless);
-    let left = matches!(diagnosis.verdict, Verdict::Unknown | Verdict::Partial);
-    (unknown && lawless && left).then(|| {
-        format!(
-            "no noise of the measured points is stated, and {:.2} mm on each axis was assumed; {:.2} mm are left: if your measurement scatters by so much, state it as \
-             point_std in [noise] of session.toml, and there is nothing left to explain",
-            findings.search.detector_noise().point_m * 1e3,
-            findings.found.noise.point_m * 1e3
-        )
-    })
 }
 
 /// Whether without any region other causes are selected, or without some, and these predict clearly worse.
@@ -360,7 +323,7 @@ pub(crate) fn reserve(diagnosis: &mut Diagnosis, findings: &Findings<'_>, togeth
             diagnosis.warnings.push(told);
         }
     }
-    diagnosis.warnings.extend(unstated_noise(diagnosis, findings));
+    diagnosis.warnings.extend(noise_is_not_stated(diagnosis, findings));
     if matches!(diagnosis.verdict, Verdict::Explained | Verdict::Partial) {
         diagnosis.warnings.extend(one_scale(findings));
     }
