@@ -133,7 +133,9 @@ def calls() -> list[Call]:
 
     def record(*args: Any) -> None:
         text = args[1] if isinstance(args[1], str) else json.dumps(args[1], default=str)
-        _core.GapRecording(args[0], text, *args[2:]).quantities()
+        made = _core.GapRecording(args[0], text, *args[2:])
+        made.quantities()
+        made.link_bends()
 
     def plan(*args: Any) -> None:
         made = _core.PlannedSession(recording)

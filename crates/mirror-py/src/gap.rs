@@ -165,6 +165,9 @@ impl DiagnosisProgress {
     }
 }
 
+/// A link, its middle (m) and its axes.
+type LinkBendNumbers = (String, [f64; 3], Vec<[f64; 3]>);
+
 /// A session's recording, arranged for the core.
 #[pyclass(frozen, module = "mirror_posture._core")]
 pub struct GapRecording {
@@ -323,6 +326,17 @@ impl GapRecording {
         let told =
             py.work(|| mirror_core::diagnose::quantities(&self.robot, &self.recording)).map_err(to_py)?;
         quantities_to_py(py, told)
+    }
+
+    /// Where links bend: the link, the place in its frame (m), and the unit axes about which it does.
+    fn link_bends(&self, py: Python<'_>) -> PyResult<Vec<LinkBendNumbers>> {
+        let bends =
+            py.work(|| mirror_core::diagnose::link_bends(&self.robot, &self.recording)).map_err(to_py)?;
+        let numbers = bends.into_iter().map(|bend| {
+            let axes = bend.axes.into_iter().map(Into::into).collect();
+            (bend.link, bend.middle_m.into(), axes)
+        });
+        Ok(numbers.collect())
     }
 
     /// Diagnoses the recording; `others` are further sessions on which the result is checked. The result is JSON.

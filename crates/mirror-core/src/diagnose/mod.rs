@@ -73,6 +73,7 @@ pub use effects::about::{PlaceKind, WrittenTo};
 pub use effects::everywhere::{MistakeInfo, mistakes};
 pub use effects::own::{OwnAxis, OwnEffect, OwnParameter, OwnPlace, Quantities, quantities};
 pub use effects::registry::{EffectInfo, effects};
+pub use model::link_bends::{LinkBend, link_bends};
 pub use planning::{Foreseen, PlannedSession, Pool, Twin};
 pub use prepare::options::{DiagnoseOptions, OtherSession};
 pub use screening::{Screening, screen_once};

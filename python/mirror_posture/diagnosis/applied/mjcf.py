@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -14,8 +15,8 @@ from ...arrays import Floats
 from ...robot import Robot
 from ...session import Session
 from ..parts import Cause
+from ..recording import to_core
 from ..vocabulary import IN_WORDS, joint_terms
-from .bending import bend_of
 
 MECHANICAL = tuple(name for name, effect in IN_WORDS.items() if effect["written_to"] == "mjcf")
 DROOP_RAD = 1e-3
@@ -126,7 +127,15 @@ def _add(
 def _add_bending(mujoco: Any, spec: Any, session: Session, robot: Robot, link: str, compliance: float) -> str:
     if compliance <= 0.0:
         return NO_SPRING
-    middle, axes = bend_of(session, robot, link)
+    # Of the corrected robot, whose mounts and lengths may differ.
+    bends = {
+        name: (middle, axes) for name, middle, axes in to_core(replace(session, robot=robot)).link_bends()
+    }
+    if link not in bends:
+        raise MirrorPostureError(
+            f"link_bending: got the link {link!r}, needed one that moves what is observed in {session.folder}: {', '.join(bends)}"
+        )
+    middle, axes = bends[link]
     names = [f"{link}_bend_{number}" for number in range(1, len(axes) + 1)]
     for name, axis in zip(names, axes, strict=True):
         hinge = _in_series(spec.body(link), name, mujoco.mjtJoint.mjJNT_HINGE, axis, 1.0 / compliance)

@@ -9,6 +9,7 @@ pub(super) mod frame;
 pub(super) mod free_optics;
 pub(super) mod free_values;
 pub(super) mod kinematics;
+pub(super) mod link_bends;
 pub(super) mod mistake_parameters;
 pub(super) mod pose;
 pub(super) mod problem;
