@@ -137,7 +137,7 @@ def _add_bending(mujoco: Any, spec: Any, session: Session, robot: Robot, link: s
         )
     middle, axes = bends[link]
     names = [f"{link}_bend_{number}" for number in range(1, len(axes) + 1)]
-    for name, axis in zip(names, axes, strict=True):
+    for name, axis in zip(names, np.array(axes), strict=True):
         hinge = _in_series(spec.body(link), name, mujoco.mjtJoint.mjJNT_HINGE, axis, 1.0 / compliance)
         hinge.pos = middle
     told = f"{', '.join(names[:-1])} and {names[-1]}"
