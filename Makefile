@@ -34,11 +34,11 @@ demo: $(VENV)/installed ## render the embedded robot before a mirror, detect, me
 
 # Both at once, so that no core waits for the other's last test. The core is built for its tests first (cargo lets one build run at a time), all
 # of its targets at once, while packages are installed; the wheel is built while these run.
-test: ## all tests, as the CI runs them
+test: ## all tests, and whether all sources are formatted
 	$(MAKE) -j 2 test-rust test-python
 	$(MAKE) format
 
-check: lint test ## before a commit: the lints, then all tests
+check: lint test ## before a commit, and in the CI: the lints, then all tests
 
 # The examples are a part of the tests: programs of their own would only be compiled a second time.
 test-rust: ## the core's tests; needs no Python

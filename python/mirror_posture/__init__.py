@@ -8,8 +8,8 @@
     found.markers.point_in_root_m, found.markers.covariance_in_root_m2, found.markers.model_in_root_m
     mp.diagnose(session).causes                      # what is wrong with the model, where, and by which effect
 
-NumPy in and out, batches first, one row a frame or a marker. Every error is a `MirrorPostureError`. What the modules
-hold besides: `robot` (kinematics), `mirror` (the estimators), `triangulate`, `optics` (glass, balls), `calibrate`,
+NumPy in and out, batches first, one row a frame or a marker. Every error is a `MirrorPostureError`; Ctrl-C during a diagnosis
+raises `DiagnosisInterrupted`, a `KeyboardInterrupt`. What the modules hold besides: `robot` (kinematics), `mirror` (the estimators), `triangulate`, `optics` (glass, balls), `calibrate`,
 `detect` (pictures), `render` (pictures with truth), `session` (files).
 """
 
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from .calibrate import calibrate_from_mirror_views, calibrate_with_second_camera
     from .camera import Camera
     from .detect import detect_picture, detect_session
-    from .diagnosis import Diagnosis, diagnose
+    from .diagnosis import Diagnosis, DiagnosisInterrupted, diagnose
     from .marker import ColorRange, Marker
     from .measurement import Measurement, MeasureOptions, measure, measure_all
     from .mirror import Mirror
@@ -40,6 +40,7 @@ _HOME = {
     "Camera": "camera",
     "ColorRange": "marker",
     "Diagnosis": "diagnosis",
+    "DiagnosisInterrupted": "diagnosis",
     "Marker": "marker",
     "MeasureOptions": "measurement",
     "Measurement": "measurement",
@@ -67,6 +68,7 @@ __all__ = [
     "Camera",
     "ColorRange",
     "Diagnosis",
+    "DiagnosisInterrupted",
     "Marker",
     "MeasureOptions",
     "Measurement",

@@ -29,16 +29,18 @@ class Board:
     square_m: float
     """Side of a square."""
     pattern: str = CHESSBOARD
+    """What is printed: `"chessboard"`, or `"charuco"` (a chessboard with codes in its light squares, of which a part is enough)."""
     marker_size_m: float | None = None
-    """Of a ChArUco board: side of its ArUco markers."""
+    """Of a ChArUco board, which needs it: side of its ArUco markers, below `square_m`."""
     dictionary: str | None = None
-    """Of a ChArUco board: OpenCV's name of its markers' dictionary, as `DICT_4X4_50`."""
+    """Of a ChArUco board, which needs it: OpenCV's name of its markers' dictionary, as `DICT_4X4_50`."""
     link: str = ""
     """The link that it is fixed to; empty where there is no robot."""
     tolerance_m: float | None = None
-    """One standard deviation by which the real place may differ from the URDF's; 0: exact; None: not
-    stated."""
+    """One standard deviation, along one axis, by which the real place may differ from the URDF's, m. 0: exact; None: not stated
+    (a diagnosis then estimates it)."""
     tolerance_rad: float | None = None
+    """The same of its orientation, about one axis, rad."""
 
     def __post_init__(self) -> None:
         counts = (self.columns, self.rows)

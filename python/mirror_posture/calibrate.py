@@ -126,8 +126,26 @@ def calibrate_from_mirror_views(
     """The transform from three or more views of the board in a mirror that is turned and tilted between them.
 
     Closed form from the reflected board's poses (after Takahashi et al. 2012), then all corners of all views at once, each with
-    its own mirror. A nominal transform with its covariance (6, 6) is a prior and lets fewer views do. `corner_std_px` None
-    estimates the corners' noise from the residual.
+    its own mirror: `argmin Σ ρ(|pixel − observed| / σ)` over the transform and each view's plane.
+
+    Args:
+        camera: The camera that sees the board in the mirror.
+        board: The board; its corners are those of `corners_px`.
+        corners_px: (V, nx * ny, 2), px: the corners of V views, with their true labels; a pair of NaN where one was not seen.
+        corner_std_px: σ, the standard deviation of a corner along one axis. None: estimated from the residuals.
+        loss: How a residual of length r (in σ) counts: "squared" `r²`; "huber" the same up to r = 2, then linear; "cauchy"
+            `9 ln(1 + r²/9)`, by which gross errors lose their pull.
+        nominal_camera_from_board: (4, 4), the centre of a prior. With one, a single view is enough.
+        nominal_covariance: (6, 6), the prior's covariance in the tangent `camera_from_board ∘ (Exp ω, v)`: rotation before
+            translation, rad² and m². Both of the prior or neither.
+        gate_px: A view whose own best flat board leaves more than this, px RMS, is refused; `reasons` says so.
+        glass_thickness_m: Thickness of the mirror's pane; 0: silvered in front.
+        refractive_index: Of the pane.
+
+    Raises:
+        MirrorPostureError: a wrong shape or a number that is out of range; one of the prior's two parts without the other;
+            without a prior, fewer than three views that can be used (with the reason of the first refused one); views that do
+            not determine the transform. A single weak direction is no error: `warning` and `determined` tell it.
     """
     core = _core.calibrate_mirror_views(
         camera.core,
@@ -160,8 +178,21 @@ def calibrate_with_second_camera(
     of K snapshots.
 
     A second camera sees the board on the chest and a board in the robot's view; both are seen directly.
-    Between snapshots the second camera and the other board may move. Corners are `(K, n, 2)` px of each
-    board in each picture.
+    Between snapshots the second camera and the other board may move. The result is the mean of the snapshots'
+    chains, each weighted by its covariance.
+
+    Args:
+        robot_camera: The robot's camera.
+        second_camera: The other camera.
+        chest_board: The board on the robot, `board` of the result.
+        stand_board: The board in the robot's view, with n_s corners.
+        stand_in_robot_camera_px: (K, n_s, 2), px: its corners in the robot's camera; NaN where one was not seen.
+        stand_in_second_camera_px: (K, n_s, 2), px: its corners in the second camera.
+        chest_in_second_camera_px: (K, n_c, 2), px: the n_c corners of the chest's board in the second camera.
+
+    Raises:
+        MirrorPostureError: a wrong shape, another number of snapshots in one of the three, no snapshot, or a snapshot in which
+            the pose of a board cannot be estimated (with its number).
     """
     core = _core.calibrate_second_camera(
         robot_camera.core,

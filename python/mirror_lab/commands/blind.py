@@ -55,8 +55,8 @@ def make(
     robot: Annotated[
         list[str] | None,
         typer.Option(
-            help="`small`, `g1`, `talos`, `ur10`, `random`, or a URDF or MJCF with the mounts in it; may be repeated. "
-            "All five by default."
+            help="`small`, `random`, `g1`, `talos`, `ur10` (these five by default), `panda`, `tiago`, `baxter`, `icub`, `romeo`, "
+            "`kinova`, `z1`, or a URDF or MJCF with the mounts in it; may be repeated."
         ),
     ] = None,
     least: Annotated[int, typer.Option(min=0, max=4, help="Least number of causes.")] = 0,

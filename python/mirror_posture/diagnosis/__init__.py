@@ -33,7 +33,7 @@ from .parts import (
     Witness,
 )
 from .result import Diagnosis
-from .run import diagnose
+from .run import DiagnosisInterrupted, diagnose
 
 __all__ = [
     "Alternative",
@@ -41,6 +41,7 @@ __all__ = [
     "Checked",
     "ChosenAnew",
     "Diagnosis",
+    "DiagnosisInterrupted",
     "Estimate",
     "FeedForward",
     "Field",

@@ -45,7 +45,15 @@ def measure(session: Session | str | os.PathLike[str], options: MeasureOptions |
 def measure_all(
     session: Session | str | os.PathLike[str], options: Sequence[MeasureOptions]
 ) -> list[Measurement]:
-    """Measures a session in several ways; common steps are done once."""
+    """Measures a session (or a folder) by each of several options; the session is loaded and checked once.
+
+    Returns one measurement for each of `options`, in their order; each is what `measure` returns for it.
+
+    Raises:
+        MirrorPostureError: an unknown estimator, or what `measure` raises: no camera or board, no detections, pictures that are not
+            what they claim.
+        NothingMeasuredError: no mirror can be estimated by one of the options.
+    """
     for one in options:
         if one.estimator not in ESTIMATORS:
             raise MirrorPostureError(

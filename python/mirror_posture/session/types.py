@@ -147,9 +147,9 @@ class Session(ShortRepr):
 
     folder: Path
     robot_file: Path
-    """The nominal URDF."""
+    """The file of the nominal model, a URDF."""
     robot: Robot
-    """The content of session.toml."""
+    """The nominal model, read from `robot_file`."""
     root_link: str
     gravity_m_per_s2: Floats
     """(3,), in the root link's frame."""

@@ -54,7 +54,7 @@ def command(
     offset_s: Annotated[
         float | None,
         typer.Option(
-            help="Pictures' clock minus joints' clock, s. By default from the pictures' own stillness."
+            help="Pictures' clock minus joints' clock, s. Found by default: pictures change when joints move."
         ),
     ] = None,
     tolerance: Annotated[
@@ -72,8 +72,8 @@ def command(
     """Convert a recording into a session: its moments of rest become postures, each with its sharpest
     picture.
 
-    The clocks of joints and pictures are aligned by the times at which the pictures stand still, and the
-    result is printed. Needs `pip install "mirror-posture[import]"` for bags and films.
+    The clocks of joints and pictures are aligned by comparing how much the pictures change with how far the
+    joints move, and the result is printed. Needs `pip install "mirror-posture[import]"` for bags and films.
 
     Example: `mirror-posture import recording.mcap my-session`
 
