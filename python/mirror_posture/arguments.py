@@ -39,9 +39,9 @@ def checked_arguments(function: Callable[P, R]) -> Callable[P, R]:
             if parameter.kind in (inspect.Parameter.VAR_POSITIONAL, inspect.Parameter.VAR_KEYWORD):
                 continue
             if name in hints and not _fits(value, hints[name]):
-                raise MirrorPostureError(
-                    f"{function.__name__}: {name}: got {_shown(value)}, needed {parameter.annotation}"
-                )
+                valid = _literals(hints[name])
+                needed = f"one of {', '.join(map(str, valid))}" if valid else parameter.annotation
+                raise MirrorPostureError(f"{function.__name__}: {name}: got {_shown(value)}, needed {needed}")
         try:
             return function(*args, **kwargs)
         except (TypeError, ValueError, OverflowError) as error:
@@ -81,8 +81,19 @@ def _hints(function: Callable[..., Any]) -> dict[str, Any]:
     return found
 
 
+def _literals(hint: Any) -> tuple[object, ...]:
+    """The values that an annotation lists (`Literal`, also beside None), None included; nothing for any other."""
+    origin, parts = typing.get_origin(hint), typing.get_args(hint)
+    if origin is typing.Literal:
+        return parts
+    if origin not in (typing.Union, UnionType):
+        return ()
+    each = [(None,) if part is NoneType else _literals(part) for part in parts]
+    return tuple(value for values in each for value in values) if all(each) else ()
+
+
 def _fits(value: object, hint: Any) -> bool:
-    """Whether a value has an annotation's type; True where the annotation is not specific enough."""
+    """Whether a value has an annotation's type, or is one of its literals; True where the annotation is not specific enough."""
     origin, parts = typing.get_origin(hint), typing.get_args(hint)
     if hint is None or hint is NoneType:
         return value is None
@@ -91,7 +102,7 @@ def _fits(value: object, hint: Any) -> bool:
     if origin in (typing.Union, UnionType):
         return any(_fits(value, part) for part in parts)
     if origin is typing.Literal:
-        return isinstance(value, str)
+        return any(isinstance(value, type(part)) and value == part for part in parts)
     if origin is tuple:
         return isinstance(value, (tuple, list, np.ndarray))
     if origin is collections.abc.Mapping or origin is dict:

@@ -122,6 +122,8 @@ def test_opencvs_files_are_read(tmp_path: Path, ending: str) -> None:
     [
         (kalibr("equidistant", FISHEYE), "equidistant", FISHEYE),
         (kalibr("radtan", RADTAN), "plumb_bob", (*RADTAN, 0.0)),
+        # Of a chain of cameras one that is not the first, cut out.
+        (kalibr("radtan", RADTAN).replace("cam0", "cam1"), "plumb_bob", (*RADTAN, 0.0)),
         (topic("equidistant", FISHEYE), "equidistant", FISHEYE),
         (topic("plumb_bob", (*RADTAN, 0.0)), "plumb_bob", (*RADTAN, 0.0)),
         (
@@ -145,6 +147,7 @@ def test_kalibrs_and_ros_files_are_read(
     [
         (kalibr("equidistant", FISHEYE).replace("pinhole", "omni"), "pinhole"),
         (kalibr("fov", (0.9,)), "distortion_model"),
+        ("cam3: 1\n", "cam3: got a int, needed the keys of a Kalibr camera"),
         (
             kalibr("radtan", RADTAN) + KALIBR.format(model="none", lens="").replace("cam0", "cam1"),
             "2 cameras",

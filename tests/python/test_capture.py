@@ -151,9 +151,21 @@ def test_a_picture_without_a_board_is_left_out_and_named(
     )
 
 
+def test_digits_that_are_no_numbers_are_letters_of_a_name(tmp_path: Path) -> None:
+    """Before, `a1².png` ended the capture as a fault of the program."""
+    for name in ("a10.png", "a1².png", "a9.png"):
+        cv2.imwrite(str(tmp_path / "picture.png"), np.zeros((48, 64, 3), np.uint8))
+        (tmp_path / "picture.png").rename(tmp_path / name)
+    source = open_source(str(tmp_path), None)
+    assert [shot.name for shot in iter(source.read, None)] == ["a1².png", "a9.png", "a10.png"]
+
+
 def test_bad_sources_say_what_is_needed(session: Path, tmp_path: Path) -> None:
     assert "webcam:0" in run("capture", session, "--source", "nothing", code=1).stderr
-    assert "needed webcam:NUMBER" in run("capture", session, "--source", "webcam:x", code=1).stderr
+    for number in ("x", "²"):
+        assert (
+            "needed webcam:NUMBER" in run("capture", session, "--source", f"webcam:{number}", code=1).stderr
+        )
     (tmp_path / "empty").mkdir()
     assert "holds no pictures" in run("capture", session, "--source", tmp_path / "empty", code=1).stderr
     (tmp_path / "film.mp4").write_text("no film")

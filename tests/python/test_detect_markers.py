@@ -21,7 +21,7 @@ from mirror_posture.detect import (
     predictions_from_session,
     setup_from_session,
 )
-from mirror_posture.detect.blobs import Region, color_regions, largest_region, to_hsv
+from mirror_posture.detect.blobs import Region, color_regions, to_hsv
 from mirror_posture.detect.marker_choice import SizeBounds
 from mirror_posture.detect.marker_judge import doubted_size, judged
 from mirror_posture.session import load_session
@@ -117,8 +117,7 @@ def test_the_outline_beats_the_regions_centroid(glass) -> None:
 )
 def test_largest_regions_of_real_sweets_match_the_published_figures(hue, tolerance, area, centroid) -> None:
     picture = cv2.imread(str(need(SMARTIES)))
-    found = largest_region(picture, ColorRange(hue, tolerance, 89.5 / 255.0, 59.5 / 255.0), 150)
-    assert found is not None
+    [[found, *_]] = color_regions(picture, [ColorRange(hue, tolerance, 89.5 / 255.0, 59.5 / 255.0)], 150)
     assert found.area_px == area
     assert found.centroid_px == pytest.approx(centroid, abs=0.1)
 

@@ -75,7 +75,7 @@ def write_film(file: Path, times: np.ndarray, start_s: float = 0.0) -> None:
         container.mux(stream.encode())
 
 
-def write_mcap(path: Path) -> list[str]:
+def write_mcap(path: Path, matrix: list[float] = INFO_K, model: str = "plumb_bob") -> list[str]:
     writer_module = pytest.importorskip("mcap_ros2.writer")
     header = "std_msgs/Header header\n"
     stamp = "================\nMSG: std_msgs/Header\nbuiltin_interfaces/Time stamp\nstring frame_id\n================\nMSG: builtin_interfaces/Time\nint32 sec\nuint32 nanosec\n"
@@ -119,9 +119,9 @@ def write_mcap(path: Path) -> list[str]:
             "header": at(0),
             "height": HEIGHT,
             "width": WIDTH,
-            "distortion_model": "plumb_bob",
-            "d": [0.1, 0.0, 0.0, 0.0, 0.0],
-            "k": INFO_K,
+            "distortion_model": model,
+            "d": [0.1, 0.0, 0.0, 0.0, 0.0] if model else [],
+            "k": matrix,
             "r": [0.0] * 9,
             "p": [0.0] * 12,
         }

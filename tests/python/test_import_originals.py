@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
 import weakref
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -14,7 +16,9 @@ import pytest
 from typer.testing import CliRunner
 
 from mirror_posture import MirrorPostureError, cli
+from mirror_posture.camera import Camera
 from mirror_posture.importing import JointLog, Recording, import_recording
+from mirror_posture.session import load_camera_info
 
 POSTURES = (0.0, 0.4, -0.3)
 URDF = (
@@ -147,3 +151,49 @@ def test_few_pictures_are_held_at_a_time(session: Path) -> None:
         np.testing.assert_array_equal(cv2.imread(str(session / f"images/{number:04d}.png")), picture(number))
     with pytest.raises(MirrorPostureError, match="add --overwrite"):
         import_recording(recording, session, offset_s=0.0)
+
+
+@pytest.mark.parametrize("overwrite", [False, True])
+@pytest.mark.parametrize(
+    ("name", "text"),
+    [("states.csv", "time_s,a\n0,0.5\n9,0.5\n"), ("points.csv", "frame,marker,x,y,z\n0,hand,0,0,1\n")],
+)
+def test_tables_of_other_frames_are_neither_read_with_the_new_ones_nor_lost(
+    session: Path, tmp_path: Path, name: str, text: str, overwrite: bool
+) -> None:
+    """Before, an earlier recording's log gave the joints that the new one lacks."""
+    words = write_pictures(tmp_path / "source", tmp_path / "joints.csv")
+    (session / name).write_text(text)
+    more = ("--overwrite",) if overwrite else ()
+    told = " ".join(run("import", tmp_path / "source", session, *words, *more, code=1).stderr.split())
+    assert f"{name}: is there already" in told and "move it out of the folder" in told
+    assert (session / name).read_text() == text and not (session / "frames.csv").exists()
+
+
+@pytest.mark.parametrize("inside", [False, True])
+def test_a_link_in_the_place_of_the_pictures_is_refused(session: Path, tmp_path: Path, inside: bool) -> None:
+    """Before, the pictures were written where it leads, and no command read them."""
+    words = write_pictures(tmp_path / "source", tmp_path / "joints.csv")
+    place = session / "pictures" if inside else tmp_path / "disk"
+    place.mkdir()
+    (session / "images").symlink_to(place)
+    told = " ".join(run("import", tmp_path / "source", session, *words, code=1).stderr.split())
+    assert "images: is a link (to " in told and "put the folder in its place" in told
+    assert not list(place.iterdir()) and not (session / "frames.csv").exists()
+
+
+def test_a_camera_file_whose_name_reads_as_a_pattern_is_replaced_and_not_written_into(
+    session: Path, tmp_path: Path
+) -> None:
+    toml = session / "session.toml"
+    toml.write_text(toml.read_text().replace("camera.yaml", "cam[0].yaml"))
+    (session / "camera.yaml").rename(session / "cam[0].yaml")
+    before = (session / "cam[0].yaml").read_bytes()
+    os.link(session / "cam[0].yaml", tmp_path / "backup.yaml")
+    time_s = np.arange(3)[:, None] + np.array([-0.4, 0.0, 0.4])
+    log = JointLog(time_s.ravel(), ("a",), np.repeat([0.0, 0.4, -0.3], 3)[:, None])
+    camera: Camera = replace(load_camera_info(session / "cam[0].yaml"), focal_px=(55.0, 55.0))
+    shown = [(float(number), picture(number)) for number in range(3)]
+    import_recording(Recording(log, lambda: iter(shown), camera, "a recording"), session, offset_s=0.0)
+    assert load_camera_info(session / "cam[0].yaml").focal_px == (55.0, 55.0)
+    assert (tmp_path / "backup.yaml").read_bytes() == before

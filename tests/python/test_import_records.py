@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from mirror_posture import MirrorPostureError
-from mirror_posture.importing import JointLog
+from mirror_posture.importing import JointLog, read_recording
 from mirror_posture.importing.bags import _picture as bag_picture
 from mirror_posture.importing.bags import _with_commands as with_commands
 from mirror_posture.importing.joint_csv import joint_csv
@@ -108,3 +108,48 @@ def test_errors_of_a_log_name_its_file_and_row(tmp_path: Path) -> None:
         with pytest.raises(MirrorPostureError) as refused:
             joint_csv(file, False)
         assert str(refused.value).startswith(told)
+
+
+def test_the_line_of_a_log_with_blank_lines_is_that_of_the_file(tmp_path: Path) -> None:
+    file = tmp_path / "log.csv"
+    for text in ("time_s,a\n\n0,0\n\n\n1,x\n", "time_s;a\n\n0;0,5\n\n\n1;x\n"):
+        file.write_text(text)
+        with pytest.raises(MirrorPostureError, match=r"log.csv, row 2 \(line 6\), column 'a': got 'x'"):
+            joint_csv(file, False)
+    file.write_text("time_s,a\n\n2,0\n\n1,0\n")
+    link = tmp_path / "elsewhere" / "log.csv"
+    link.parent.mkdir()
+    link.symlink_to(file)
+    for named in (file, link):
+        with pytest.raises(MirrorPostureError, match=r"log.csv, row 2 \(line 5\): is not later"):
+            joint_csv(named, False)
+
+
+def test_commands_that_go_with_no_states_are_named(tmp_path: Path) -> None:
+    states = JointLog(np.array([5.0, 6.0]), ("a", "b"), np.zeros((2, 2)), source="x.bag, topic /states")
+    other = JointLog(np.array([5.0, 6.0]), ("c", "d"), np.zeros((2, 2)), source="x.bag, topic /commands")
+    with pytest.raises(MirrorPostureError) as told:
+        with_commands(states, other)
+    assert str(told.value).startswith(
+        "x.bag, topic /commands: commands none of the joints that x.bag, topic /states has"
+    )
+    assert "got c, d, needed one or more of a, b; give --commands-topic" in str(told.value)
+    late = JointLog(np.array([9.0, 10.0]), ("a", "d"), np.zeros((2, 2)), source="x.bag, topic /commands")
+    with pytest.raises(MirrorPostureError) as told:
+        with_commands(states, late)
+    assert str(told.value).startswith("x.bag, topic /commands: begins at 9 s, needed a command before")
+    assert "x.bag, topic /states (5 to 6 s)" in str(told.value) and "leave out" in str(told.value)
+
+
+def test_options_of_another_kind_and_a_missing_source_name_the_fix(tmp_path: Path) -> None:
+    """Before, `--time` was passed over for bags and datasets."""
+    (tmp_path / "set/meta").mkdir(parents=True)
+    (tmp_path / "set/meta/info.json").write_text('{"codebase_version": "v1"}')
+    (tmp_path / "a.mcap").write_text("")
+    for source in (tmp_path / "set", tmp_path / "a.mcap"):
+        with pytest.raises(MirrorPostureError, match="--time is of another kind of recording; leave it out"):
+            read_recording(source, time="stamp=fortnights")
+    with pytest.raises(
+        MirrorPostureError, match=r"nowhere.mcap: there is no such file or folder; needed .mcap, .bag, "
+    ):
+        read_recording(tmp_path / "nowhere.mcap")

@@ -103,6 +103,22 @@ def test_a_beginning_is_written_anew_and_a_recording_is_not(
     assert (folder / "session.toml").read_bytes() == before
 
 
+@pytest.mark.parametrize(
+    ("end", "kept"),
+    [
+        ("</robot >", "</robot >"),
+        ("</robot>\n<!-- more than </robot> ends here -->", "<!-- more than </robot> ends here -->"),
+        ("<!-- ä --></robot\n>", "</robot\n>"),
+    ],
+)
+def test_mounts_stand_before_the_roots_own_end(arm: Path, tmp_path: Path, end: str, kept: str) -> None:
+    """Before: "substring not found", and links after the end of the robot."""
+    arm.write_text(ARM.replace("</robot>", end), encoding="utf-8")
+    run("init", arm, tmp_path / "s", *WORDS)
+    assert kept in (tmp_path / "s/robot.urdf").read_text(encoding="utf-8")
+    assert "hand_marker" in Robot.from_urdf(tmp_path / "s/robot.urdf").link_names
+
+
 def test_a_session_from_xacro(arm: Path, tmp_path: Path) -> None:
     pytest.importorskip("xacro")
     file = tmp_path / "arm.xacro"

@@ -340,3 +340,20 @@ def test_markers_in_traced_pictures_from_two_views(tmp_path: Path) -> None:
     assert np.sqrt((error**2).sum(axis=1).mean()) < 0.0005
     right = found.marker[good] == session.marker_names.index("r_hand")
     assert found.distance_m[good][right].min() > 0.002, "the hidden offset of the shoulder must be seen"
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        *(("corner_noise_px", value) for value in (-1.0, 0.0, np.nan, "1")),
+        *(("marker_noise_px", value) for value in (-1.0, np.inf)),
+        *(("mount_std_m", value) for value in (-0.01, np.nan)),
+        *(("mount_std_rad", value) for value in (-0.01, np.nan)),
+        *(("least_parallax_rad", value) for value in (-1.0, 0.0, 2.0, np.nan, None)),
+    ],
+)
+def test_numbers_that_nothing_can_be_measured_with_are_refused(name: str, value: object) -> None:
+    """Before, every marker was masked, or measured with a deviation that is no number."""
+    with pytest.raises(mp.MirrorPostureError, match=f"{name}: got {value!r}, needed"):
+        MeasureOptions(**{name: value})  # type: ignore[arg-type]
+    MeasureOptions(corner_noise_px=np.float32(0.1), mount_std_m=0, least_parallax_rad=1e-3)

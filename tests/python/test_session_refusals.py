@@ -369,3 +369,37 @@ def test_names_row_and_column_of_a_bad_parquet_cell(tmp_path: Path) -> None:
     pyarrow.parquet.write_table(pa.table(columns), folder / "points.parquet")
     with pytest.raises(SessionError, match=r"points\.parquet, row 2, column 'x': got an empty cell"):
         load_session(folder)
+
+
+def test_blank_lines_are_no_rows_and_count_as_lines(tmp_path: Path) -> None:
+    """Before, the line was that of the row without them."""
+    lines = FRAMES.splitlines()
+    blank = "\n".join([lines[0], "", "", lines[1], "", replaced(lines[2], "0.1", "1x"), lines[3]]) + "\n"
+    with pytest.raises(
+        SessionError, match=r"frames\.csv, row 2 \(line 6\), column 'shoulder': got '1x'"
+    ) as told:
+        load_session(write_folder(tmp_path / "cell", frames=blank))
+    assert (told.value.row, told.value.line) == (2, 6)
+    ragged = "\n".join([lines[0], "", lines[1], "", "", lines[2] + ",9", lines[3]]) + "\n"
+    with pytest.raises(SessionError, match=r"frames\.csv, row 2 \(line 6\): got 7 cells"):
+        load_session(write_folder(tmp_path / "ragged", frames=ragged))
+    # A cell of two lines above; problems of two files, each by its own lines.
+    two = (
+        DETECTIONS.replace("via\n", "via,note\n")
+        .replace("mirror\n", 'mirror,"a\nb"\n', 1)
+        .replace("mirror\n", "mirror,\n")
+    )
+    two = two.replace("direct\n", "direct,\n")
+    with pytest.raises(SessionError) as several:
+        load_session(
+            write_folder(
+                tmp_path / "two",
+                detections=replaced(two, "301.5", "x"),
+                points=POINTS.replace("\n0,hand", "\n\n\n0,hand").replace("0.2", "y"),
+            )
+        )
+    assert [(p.file.name, p.row, p.line) for p in several.value.problems] == [
+        ("detections.csv", 4, 6),
+        ("points.csv", 1, 4),
+    ]
+    assert "row 4 (line 6)" in str(several.value)

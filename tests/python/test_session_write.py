@@ -11,9 +11,11 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as npst
 
-from mirror_posture import Mirror, SessionError, load_session
+from mirror_posture import Mirror, MirrorPostureError, SessionError, load_session
 from mirror_posture.session import Noise, Session, Views, write_detections, write_session
-from session_folder import DATA, SESSION, write_folder
+from mirror_posture.session.replaced import MESHES
+from mirror_posture.shapes.of_links import COARSE_FOLDER
+from session_folder import DATA, FRAMES, SESSION, write_folder
 
 
 def assert_same(a: Session, b: Session) -> None:
@@ -139,6 +141,103 @@ def test_refuses_a_table_of_another_kind(tmp_path: Path) -> None:
     session = load_session(write_folder(tmp_path))
     with pytest.raises(SessionError, match=r"'\.xls'"):
         write_detections(session, tmp_path / "detections.xls")
+
+
+def with_pictures(folder: Path, text: str = "picture") -> Path:
+    """A session with pictures, shapes, and what a user keeps beside it."""
+    lines = FRAMES.splitlines()
+    rows = [lines[0] + ",image", *(f"{line},images/{n}.png" for n, line in enumerate(lines[1:]))]
+    write_folder(folder, frames="\n".join(rows) + "\n")
+    for name in ("images", "meshes", "plan", "diagnosis"):
+        (folder / name).mkdir()
+    for n in range(len(rows) - 1):
+        (folder / f"images/{n}.png").write_text(f"{text} {n}")
+    for name in (
+        "images/left_out.png",
+        "meshes/base.coarse.stl",
+        "plan/postures.csv",
+        "diagnosis/diagnosis.json",
+    ):
+        (folder / name).write_text(f"{text} {name}")
+    (folder / "notes.md").write_text(text)
+    return folder
+
+
+def contents(folder: Path) -> dict[str, bytes]:
+    return {
+        path.relative_to(folder).as_posix(): path.read_bytes() for path in folder.rglob("*") if path.is_file()
+    }
+
+
+@pytest.mark.parametrize("tables", ["csv", "parquet"])
+def test_a_session_written_over_itself_keeps_what_is_beside_it(tmp_path: Path, tables: str) -> None:
+    """Before, meshes, plan, diagnosis and notes were deleted."""
+    folder = with_pictures(tmp_path / "s")
+    session, before = load_session(folder), contents(folder)
+    write_session(session, folder, tables=tables, overwrite=True)
+    after = contents(folder)
+    written = {f"{stem}.csv" for stem in ("frames", "detections", "points")} | {"session.toml", "camera.yaml"}
+    assert {name: data for name, data in before.items() if name not in written} == {
+        name: data for name, data in after.items() if name in before and name not in written
+    }
+    assert sorted(after) == sorted(
+        name.replace(".csv", f".{tables}") if name in written else name for name in before
+    )
+    assert_same(load_session(folder), session)
+
+
+def test_over_another_session_its_pictures_and_shapes_go_and_notes_stay(tmp_path: Path) -> None:
+    session = load_session(with_pictures(tmp_path / "mine", "mine"))
+    other = with_pictures(tmp_path / "other", "other")
+    shared = tmp_path / "shared.png"
+    shared.hardlink_to(other / "images/0.png")
+    write_session(session, other, overwrite=True)
+    after = contents(other)
+    assert after["images/0.png"] == b"mine 0" and after["meshes/base.coarse.stl"].startswith(b"mine")
+    assert "images/left_out.png" not in after
+    assert after["notes.md"] == b"other" and after["plan/postures.csv"].startswith(b"other")
+    # Nothing is written into a file of the old folder that has another name too.
+    assert shared.read_text() == "other 0"
+
+
+def test_shapes_go_along_to_a_new_folder(tmp_path: Path) -> None:
+    session = load_session(with_pictures(tmp_path / "in"))
+    (tmp_path / "secret").write_text("secret")
+    (tmp_path / "in/meshes/out.stl").symlink_to(tmp_path / "secret")
+    write_session(session, tmp_path / "out")
+    assert [path.name for path in (tmp_path / "out/meshes").iterdir()] == ["base.coarse.stl"]
+    assert MESHES == COARSE_FOLDER
+
+
+@pytest.mark.parametrize(
+    ("changed", "said"),
+    [
+        ({"commanded": np.full((3, 2), np.nan)}, "column 'shoulder': got"),
+        ({"frame": np.array([5, 1, 0])}, "needed unique, rising numbers"),
+        ({"commanded": np.zeros((2, 2))}, "nothing was written"),
+        ({"image": ("../evil.png", None, None)}, "'../evil.png', needed a path inside the session's folder"),
+    ],
+)
+def test_what_could_not_be_read_again_is_not_written(
+    tmp_path: Path, changed: dict[str, object], said: str
+) -> None:
+    """Before, all of it was written, and the picture out of the folder."""
+    session = load_session(write_folder(tmp_path / "a" / "in"))
+    (tmp_path / "a" / "evil.png").write_text("picture")
+    wrong = dataclasses.replace(session, frames=dataclasses.replace(session.frames, **changed))
+    (tmp_path / "b").mkdir()
+    with pytest.raises(SessionError, match="nothing was written") as refused:
+        write_session(wrong, tmp_path / "b" / "out")
+    assert said in str(refused.value) and ".part" not in str(refused.value)
+    assert not list((tmp_path / "b").iterdir())
+
+
+def test_a_form_of_tables_that_there_is_none_of_is_refused(tmp_path: Path) -> None:
+    """Before, `frames.xlsx` with the text of a CSV."""
+    session = load_session(write_folder(tmp_path / "in"))
+    with pytest.raises(MirrorPostureError, match="tables: got a str: 'xlsx', needed one of csv, parquet"):
+        write_session(session, tmp_path / "out", tables="xlsx")  # type: ignore[arg-type]
+    assert not (tmp_path / "out").exists()
 
 
 @pytest.mark.skipif(not (DATA / "sessions").is_dir(), reason=f"the data is not there: {DATA}")

@@ -24,7 +24,7 @@ from ..robots import CommandedRobot, Nominal
 from ..robots.nominal import detect_look
 from ..robots.protocol import ImagePoints, Look
 from .recorder import Recorder
-from .sources import Shot, Source, drop_stale
+from .sources import FilmSource, Shot, Source, drop_stale, place_of
 from .stage import CaptureOptions, Stage
 from .stillness import Stillness
 
@@ -69,6 +69,17 @@ class Capture:
         first = self.current
         # A capture that goes on where it was stopped begins with the view of its next posture.
         self._view = first.view if first is not None else 0
+        recorder.begin(place_of(source))
+        self._film = source.mark if isinstance(source, FilmSource) else ""
+        if isinstance(source, FilmSource) and (film_s := recorder.go_on_in(self._film)) is not None:
+            self._go_on(source, film_s)
+
+    def _go_on(self, film: FilmSource, time_s: float) -> None:
+        """Goes on behind the last picture that was taken of a film: what stands there is taken already."""
+        shot = film.skip_to(time_s)
+        if shot is not None:
+            self.stillness.see(shot.picture, shot.time_s)
+            self.stillness.take(shot.picture)
 
     @property
     def current(self) -> PlannedFrame | None:
@@ -179,7 +190,7 @@ class Capture:
         return ""
 
     def _record(self, frame: PlannedFrame, shot: Shot) -> None:
-        self.recorder.add(frame, shot.picture, shot.time_s, self._measured)
+        self.recorder.add(frame, shot.picture, shot.time_s, self._measured, self._film)
         balls = int(self.found.marker_seen.sum()) if self.found is not None else 0
         self.message = f"taken: posture {frame.frame}, board and {counted(balls, 'ball')}"
         self._say(f"frame {frame.frame}: board and {balls} of {len(self.nominal.marker_names)} balls")
@@ -247,10 +258,12 @@ class Capture:
         if self.stage in (Stage.FINISHED, Stage.FAILED):
             return "the capture has ended"
         if action in ("start", "turned"):
-            if current is not None:
+            # After a pause neither the mirror nor the posture is another one: what stood before it is taken already.
+            if current is not None and (action == "turned" or self.stage is Stage.WAITING):
                 self._view = current.view
             self.stage, self.message = Stage.MOVING, ""
-            self.stillness.moved = True
+            if action == "turned":
+                self.stillness.moved = True
             return "going on"
         if action == "pause":
             self.stage = Stage.PAUSED
@@ -260,13 +273,13 @@ class Capture:
                 self.skipped[current.frame] = "left out by hand"
             return "left out"
         if action == "again":
-            if not self.recorder.taken or self.robot is not None:
+            last = self.recorder.last
+            if last is None or self.robot is not None:
                 return (
                     "nothing was taken yet"
                     if self.robot is None
                     else "a robot does not go back; capture again at the end"
                 )
-            last = max(self.recorder.taken)
             self.recorder.drop(last)
             self.stillness.moved = True
             return f"posture {last} is to be taken again"
@@ -274,8 +287,9 @@ class Capture:
         return "finished"
 
     def close(self) -> None:
-        """Brings the robot to rest and lets go of the source."""
+        """Brings the robot to rest and lets go of the source and the session's folder."""
         with self._lock:
             if self.stage not in (Stage.FINISHED, Stage.FAILED):
                 self._rest()
             self.source.close()
+            self.recorder.close()

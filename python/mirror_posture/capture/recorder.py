@@ -11,12 +11,15 @@ from typing import Any
 import pyarrow as pa
 
 from .._core import MirrorPostureError
-from ..output_files import new_file
-from ..picture_files import write_picture
+from ..folder_lock import FolderLock
+from ..output_files import new_file, write_file
+from ..picture_files import encoded_picture
 from ..plan.table import PlannedFrame
 from ..session.tables import find_table, open_table
 from ..session.write import write_table
+from .made import Made
 
+IMAGES = "images"
 FRAMES = "frames.csv"
 
 
@@ -34,22 +37,90 @@ class Taken:
 class Recorder:
     """Adds pictures to a session's folder, and goes on where a stopped or killed capture of the same plan ended.
 
+    Nothing is written, locked or deleted before `begin`; what `overwrite` replaces stays until the first picture is there.
+
     Raises `MirrorPostureError` where the folder holds frames of another plan, or detections.
     """
 
     def __init__(self, folder: Path, plan: Sequence[PlannedFrame], overwrite: bool = False) -> None:
         self._folder, self._plan = folder, {frame.frame: frame for frame in plan}
-        self._joints = list(plan[0].commanded)
-        old = [table for stem in ("frames", "detections") if (table := find_table(folder, stem)) is not None]
+        self._joints, self._overwrite = list(plan[0].commanded), overwrite
         self.taken: dict[int, Taken] = {}
-        if overwrite:
-            # The frames last: detections without them would be of other pictures.
-            for file in reversed(old):
-                file.unlink()
-        elif old:
+        self._lock: FolderLock | None = None
+        self._read()
+
+    def _read(self) -> None:
+        """What is in the folder now."""
+        old = [
+            table
+            for stem in ("frames", "detections")
+            if (table := find_table(self._folder, stem)) is not None
+        ]
+        self._replaced = old if self._overwrite else []
+        self.taken.clear()
+        if old and not self._overwrite:
             self._resume(old)
+        self._made = Made(self._folder)
         # A source's time begins anew each time that it is opened.
         self._late_s = max((row.time_s for row in self.taken.values()), default=0.0)
+
+    def begin(self, source: Path | None = None) -> None:
+        """Locks the folder for this recorder; safe to call again. `source` is the film or folder of the pictures, if they have one.
+
+        Raises `MirrorPostureError` where another process records into the folder, or pictures are in the way that no capture made.
+        """
+        images = self._folder / IMAGES
+        if source is not None and source.resolve().is_relative_to(images.resolve()):
+            raise MirrorPostureError(
+                f"--source {source}: lies in the session's {IMAGES}/, where the capture writes its own pictures; move it out of it"
+            )
+        if self._lock is not None:
+            return
+        lock = FolderLock(self._folder)
+        try:
+            # Another recorder may have written since.
+            self._read()
+            self._refuse_replacing()
+        except BaseException:
+            lock.release()
+            raise
+        self._lock = lock
+
+    def close(self) -> None:
+        """Lets go of the folder; nothing can be added any more."""
+        if self._lock is not None:
+            self._lock.release()
+
+    def _refuse_replacing(self) -> None:
+        named = {row.image for row in self.taken.values()} | set(self._named_by_replaced())
+        there = [frame for frame in self._plan if (self._folder / _image(frame)).exists()]
+        foreign = [
+            f for f in there if _image(f) not in named and not self._made.made(f, self._folder / _image(f))
+        ]
+        if foreign:
+            raise MirrorPostureError(
+                f"{self._folder / _image(foreign[0])}: is there already, no row of {FRAMES} names it and no capture made it "
+                f"({len(foreign)} such in all); the capture would replace it: move it out of {IMAGES}/"
+            )
+
+    def _named_by_replaced(self) -> list[str]:
+        """The pictures of the frames that `overwrite` replaces."""
+        frames = next((file for file in self._replaced if file.stem == "frames"), None)
+        try:
+            cells = None if frames is None else open_table(frames).columns.get("image")
+        except MirrorPostureError:
+            # Frames that cannot be read are replaced all the same.
+            cells = None
+        return [] if cells is None else [str(name) for name in cells.to_pylist()]
+
+    def go_on_in(self, film: str) -> float | None:
+        """Goes on within a film: the second of the last picture that was taken of it, None where none was. Times go on as in the film."""
+        last = self._made.last_in(film, self.taken)
+        if last is None:
+            return None
+        frame, film_s = last
+        self._late_s = self.taken[frame].time_s - film_s
+        return film_s
 
     def _resume(self, old: list[Path]) -> None:
         told = f"{self._folder}: has {' and '.join(file.name for file in old)} already"
@@ -88,20 +159,50 @@ class Recorder:
                 int(frame), planned.posture, float(columns["time_s"][row]), columns["image"][row], measured
             )
 
-    def add(self, frame: PlannedFrame, picture: Any, time_s: float, measured: Mapping[str, float]) -> None:
-        """Writes a picture and its row; when this returns both are on the disk."""
-        image = f"images/{frame.frame:04d}.png"
-        (self._folder / "images").mkdir(exist_ok=True)
-        write_picture(self._folder / image, picture)
+    def add(
+        self, frame: PlannedFrame, picture: Any, time_s: float, measured: Mapping[str, float], film: str = ""
+    ) -> None:
+        """Writes a picture and its row; when this returns both are on the disk.
+
+        `film` names the film of which `time_s` is the time. Raises `MirrorPostureError` as `begin`, and after `close`.
+        """
+        image = _image(frame.frame)
+        data = encoded_picture(picture, self._folder / image)
+        self._writable()
+        if self._replaced:
+            # Only now, when there is something in their place. First it is noted which pictures lose their rows; the frames go last:
+            # detections without them would be of other pictures.
+            named = set(self._named_by_replaced())
+            files = {
+                number: self._folder / _image(number) for number in self._plan if _image(number) in named
+            }
+            self._made.begin_anew({number: file for number, file in files.items() if file.is_file()})
+            for file in reversed(self._replaced):
+                file.unlink(missing_ok=True)
+            self._replaced, self._overwrite = [], False
+        (self._folder / IMAGES).mkdir(exist_ok=True)
+        self._made.note(frame.frame, data, film, time_s)
+        write_file(self._folder / image, data)
         self.taken[frame.frame] = Taken(
             frame.frame, frame.posture, self._late_s + time_s, image, dict(measured)
         )
         self._write()
 
+    @property
+    def last(self) -> int | None:
+        """The frame that was taken last; None before the first."""
+        return max(self.taken, key=lambda frame: (self.taken[frame].time_s, frame), default=None)
+
     def drop(self, frame: int) -> None:
         """Takes a frame out of the table, to be taken again; its picture stays until then."""
+        self._writable()
         self.taken.pop(frame, None)
         self._write()
+
+    def _writable(self) -> None:
+        self.begin()
+        if self._lock is not None:
+            self._lock.check()
 
     def _write(self) -> None:
         # Rows are in the order of execution, which is that of the plan's numbers.
@@ -120,3 +221,8 @@ class Recorder:
                 columns[f"measured:{name}"] = pa.array([row.measured[name] for row in rows], pa.float64())
         with new_file(self._folder / FRAMES) as part:
             write_table(pa.table(columns), part)
+
+
+def _image(frame: int) -> str:
+    """A frame's picture, relative to the session."""
+    return f"{IMAGES}/{frame:04d}.png"

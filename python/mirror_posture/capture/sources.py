@@ -24,6 +24,8 @@ STALE_PICTURES = 5
 """Pictures that a camera's driver has buffered, at most."""
 WAITED_S = 0.01
 """A stream's picture that took longer to come was waited for: its reader has buffered no more."""
+SAME_TIME_S = 1e-6
+"""Times of a film nearer to each other are of one picture."""
 LONGEST_SKIP_S = 0.5
 """A stream that comes faster than it can be read never has nothing buffered."""
 
@@ -106,13 +108,27 @@ class FilmSource:
             raise MirrorPostureError(f"--source {file}: is no film that can be read")
         # Pixels as stored, as `import` and the camera file have them: a phone's film has a tag that turns it.
         self._capture.set(cv2.CAP_PROP_ORIENTATION_AUTO, 0)
-        self._name, self._count = file.name, 0
+        self.place, self._name, self._count = file, file.name, 0
+        self.mark = f"{file.name}, {file.stat().st_size} bytes"
+        """What tells it from other films when a capture goes on in it."""
 
     def read(self) -> Shot | None:
-        good, picture = self._capture.read()
+        return self._retrieve() if self._capture.grab() else None
+
+    def skip_to(self, time_s: float) -> Shot | None:
+        """Passes over all before this time of its own, s; the picture of that time, None where it ends before."""
+        while self._capture.grab():
+            # Both come from the same decoder: the picture's own time comes out again to the last digit.
+            if float(self._capture.get(cv2.CAP_PROP_POS_MSEC)) / 1000.0 >= time_s - SAME_TIME_S:
+                return self._retrieve()
+            self._count += 1
+        return None
+
+    def _retrieve(self) -> Shot | None:
+        good, picture = self._capture.retrieve()
         if not good:
             return None
-        # Of the picture that was read: before, it is that of the picture before it.
+        # Of the picture that was grabbed: before, it is that of the picture before it.
         time_s = float(self._capture.get(cv2.CAP_PROP_POS_MSEC)) / 1000.0
         self._count += 1
         return Shot(np.asarray(picture, dtype=np.uint8), time_s, f"{self._name}, picture {self._count}")
@@ -132,6 +148,7 @@ class FolderSource:
     def __init__(self, folder: Path) -> None:
         from ..detect import list_pictures
 
+        self.place = folder
         self._files = sorted(list_pictures(folder), key=lambda file: (_numbers(file.stem), file.name))
         self._numbered = all(re.fullmatch(r"\d+", file.stem) for file in self._files)
         self._next = 0
@@ -158,7 +175,7 @@ def open_source(text: str, camera: Camera | None) -> Source:
     """
     name, _, rest = text.partition(":")
     if name == "webcam":
-        if rest and not rest.isdigit():
+        if rest and not rest.isdecimal():
             raise MirrorPostureError(f"--source: got {text!r}, needed webcam:NUMBER, as in webcam:0")
         return CameraSource(int(rest or 0), camera)
     if re.match(r"(rtsp|rtsps|http|https|udp)://", text):
@@ -171,6 +188,11 @@ def open_source(text: str, camera: Camera | None) -> Source:
     raise MirrorPostureError(
         f"--source: got {text!r}, needed webcam:0, rtsp://ADDRESS, a film ({', '.join(FILMS)}) or a folder of pictures"
     )
+
+
+def place_of(source: Source) -> Path | None:
+    """The film or folder that a source reads; None of a camera."""
+    return source.place if isinstance(source, (FilmSource, FolderSource)) else None
 
 
 def drop_stale(source: Source) -> None:
@@ -187,5 +209,8 @@ def shown_source(where: int | str) -> str:
 def _numbers(name: str) -> list[Any]:
     """A name cut so that 9 comes before 10."""
     return [
-        (0, int(part), "") if part.isdigit() else (1, 0, part) for part in re.split(r"(\d+)", name) if part
+        # `isdigit` takes a superscript too, which is no number to `int`.
+        (0, int(part), "") if part.isdecimal() else (1, 0, part)
+        for part in re.split(r"(\d+)", name)
+        if part
     ]

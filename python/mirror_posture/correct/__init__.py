@@ -10,7 +10,8 @@
 """
 
 from .._core import CorrectionStep, correction_step
-from .loop import CommandForPosture, correct
+from .first_commands import CommandForPosture
+from .loop import correct
 from .options import PAPER_VIEWS, CorrectOptions, MeasureChoice, StepOptions, StopOptions
 from .outcome import LookReport, MarkerError, Outcome, Stop
 from .planned import PlannedViews, views_of_plan

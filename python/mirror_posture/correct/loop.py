@@ -4,7 +4,7 @@ paper, on any robot."""
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -14,16 +14,14 @@ from ..robots.errors import NoLookError, RobotError
 from ..robots.interruption import Interrupted, ending_signals
 from ..robots.nominal import detect_look
 from ..robots.protocol import CommandedRobot, Look
+from .first_commands import CommandForPosture, first_commands
 from .observation import Readings, read
 from .options import CorrectOptions
 from .outcome import LookReport, MarkerError, Outcome, Stop, doubt_in_words
 from .recorder import Recorder
 from .target import Target, make_target
+from .turned import without_turned
 from .viewpoints import Viewpoint, choose_viewpoints, go
-
-CommandForPosture = Callable[[Mapping[str, float]], Mapping[str, float] | Sequence[Mapping[str, float]]]
-"""From the wanted posture to the first command (the feed-forward of a diagnosed model), joint positions,
-rad (m); or to several commands, way-points before the first look, of which the last is held."""
 
 RETURN_TO_BEST = ("stalled", "diverging", "budget_spent", "limit_reached")
 """After these the best posture that was seen is commanded; after lost or contradicting readings nothing is moved."""
@@ -57,16 +55,17 @@ def correct(
     target = make_target(robot.nominal, posture, options)
     start, way = None, []
     if command_for_posture is not None:
-        told = command_for_posture(target.posture)
-        commands = [told] if isinstance(told, Mapping) else list(told)
-        if not commands:
-            raise MirrorPostureError("command_for_posture: got no command, needed at least one")
+        commands = first_commands(command_for_posture(target.posture), robot)
         way = [{**target.by_name(target.positions), **command} for command in commands]
         start = way.pop()
     run = _Run(robot, target, options, start, recorder, on_look, on_picture)
     run.way = way
     with ending_signals():
-        return run.go()
+        try:
+            return run.go()
+        finally:
+            if recorder is not None:
+                recorder.close()
 
 
 class _Run:
@@ -104,7 +103,10 @@ class _Run:
                 f"it commands {', '.join(robot.joint_names)}"
             )
         self._check_limits(movable)
-        self.viewpoints = choose_viewpoints(robot, target, options)
+        self.viewpoints = choose_viewpoints(robot, target, options, recorder)
+        self.turning = tuple(dict(pair for station in options.view_joints for pair in station))
+        if recorder is not None and self.turning:
+            recorder.keep_turning(self.turning)
 
     def _check_limits(self, movable: list[str]) -> None:
         """A robot may have narrower limits than its URDF: the core must know the same."""
@@ -206,10 +208,11 @@ class _Run:
 
     def _keep(self, look: Look) -> None:
         """Records a look before it is used, then its detections."""
-        frame = None
+        frame, nominal = None, self.target.nominal
+        look = without_turned(nominal, self.turning, look)
         if self.recorder is not None:
             frame = self.recorder.capture(look, self.posture)
-        seen = detect_look(self.target.nominal, look)
+        seen = without_turned(nominal, self.turning, detect_look(nominal, look))
         if self.recorder is not None and frame is not None:
             self.recorder.detected(frame, seen)
         # Pictures are on disk; a long correction does not keep them in memory.

@@ -14,6 +14,8 @@ from ..short_repr import ShortRepr
 from .options import MeasureChoice
 from .target import Target
 
+USUAL_NOISE_PX = 0.1
+"""Of corners and ball centres, where neither detector nor session states it."""
 MARKER_POINTS_STD_M = 0.0005
 """Of positions that something else measured without saying how well."""
 

@@ -18,6 +18,7 @@ from ..optics import see_in_mirror
 from ..robots.protocol import ImagePoints, Look
 from ..shapes.reach import outermost_points
 from ..viewpoint import View
+from .observation import USUAL_NOISE_PX
 from .target import Target
 
 YAWS_RAD = tuple(math.radians(x) for x in (0, -5, 5, -10, 10, -15, 15, -20, 20, -25, 25))
@@ -30,8 +31,6 @@ RISK = 2.0
 """How much worse a set of views is for each view that is sure to lose a marker over the picture's edge: a look is spent on it."""
 STEEPEST_RAD = math.radians(60.0)
 """A board that is turned farther from the mirror is not planned."""
-USUAL_NOISE_PX = 0.1
-"""Of corners and ball centres, where the session states nothing."""
 RISK_TAKEN = 0.1
 """A view with a larger probability of losing a marker is not taken while the mirror can be farther away."""
 FARTHER = (1.25, 1.5, 1.8)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -14,9 +15,13 @@ from ..input_files import LARGEST_TABLE, given_text, read_text, reason
 from ..robots.nominal import Nominal, detect_look
 from ..robots.protocol import ImagePoints, Look, MarkerPoints
 from ..session.types import Session
+from ..viewpoint import View
 from .observation import Readings
+from .turned import without_turned
 
 HEADER, READINGS = "correction.json", "readings.jsonl"
+PROPOSED, TURNING = "proposed", "turning"
+"""The header's keys of the proposed views, and of the joints that turn the robot before its mirror."""
 
 
 @dataclass(frozen=True)
@@ -36,6 +41,35 @@ class Past:
     readings: tuple[PastReading, ...] = ()
 
 
+@dataclass(frozen=True)
+class Proposed:
+    """The views that were proposed. A correction that is gone on with keeps them: they rest on all that was known of the robot when it began."""
+
+    count: int
+    """How many were wanted."""
+    views: tuple[View, ...]
+
+    def answers(self, count: int, kept: Sequence[View]) -> bool:
+        """Whether the same was asked: as many views, after these."""
+        return self.count == count and self.views[: len(kept)] == tuple(kept)
+
+
+def read_proposed(header: Mapping[str, Any], file: Path) -> Proposed | None:
+    """The proposed views of a header; None where it has none. Raises `MirrorPostureError` for what are no views."""
+    tree = header.get(PROPOSED)
+    if tree is None:
+        return None
+    try:
+        views = tuple(View(*(float(number) for number in one)) for one in tree["views"])
+        if not np.isfinite([(view.yaw_rad, view.pitch_rad, view.distance_m) for view in views]).all():
+            raise ValueError("got a number that is not finite")
+        return Proposed(int(tree["count"]), views)
+    except (ValueError, LookupError, TypeError, OverflowError) as error:
+        raise MirrorPostureError(
+            f"{file}: {PROPOSED}: got what are no views ({' '.join(str(error).split())}); take the key away to have them proposed again"
+        ) from None
+
+
 def read_header(folder: Path) -> dict[str, Any]:
     """What a recording was started with. Raises `MirrorPostureError` for a folder without one."""
     try:
@@ -47,11 +81,14 @@ def read_header(folder: Path) -> dict[str, Any]:
     joints = header.get("joints") if isinstance(header, dict) else None
     if not isinstance(joints, list) or not all(isinstance(name, str) for name in joints):
         raise MirrorPostureError(f"{folder / HEADER}: joints: got {joints!r:.80}, needed a list of names")
+    turning = header.get(TURNING, [])
+    if not isinstance(turning, list) or not all(isinstance(name, str) for name in turning):
+        raise MirrorPostureError(f"{folder / HEADER}: {TURNING}: got {turning!r:.80}, needed a list of names")
     return dict(header)
 
 
-def recorded_looks(session: Session, nominal: Nominal) -> list[Look]:
-    """The recorded looks; those with a picture and no image points are detected (again)."""
+def recorded_looks(session: Session, nominal: Nominal, turning: Collection[str] = ()) -> list[Look]:
+    """The recorded looks; those with a picture and no image points are detected (again). `turning` are the joints that turn the robot."""
     frames, view = session.frames, session.mirror_view
     looks = []
     for row in range(len(frames)):
@@ -86,7 +123,8 @@ def recorded_looks(session: Session, nominal: Nominal) -> list[Look]:
                 None if view.marker_std_px is None else view.marker_std_px[row],
             )
             look = replace(look, points=points)
-        looks.append(look)
+        # What is detected again is recorded as it was at first.
+        looks.append(without_turned(nominal, turning, look))
     return looks
 
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
@@ -19,6 +20,7 @@ import numpy as np
 import tomli_w
 
 from .._core import MirrorPostureError
+from ..folder_lock import FolderLock
 from ..output_files import new_folder, write_file
 from ..robots.errors import NoLookError
 from ..robots.nominal import Nominal
@@ -28,6 +30,8 @@ from ..session.load import load_session
 from ..session.metadata import FILE
 from ..session.tables import UNFINISHED
 from ..session.write import metadata_tree
+from ..shapes import keep_coarse_meshes
+from ..shapes.of_links import COARSE_FOLDER
 from .lines import (
     DETECTIONS,
     FRAMES,
@@ -38,9 +42,20 @@ from .lines import (
     drop_orphans,
     line,
 )
-from .observation import Readings
+from .observation import USUAL_NOISE_PX, Readings
 from .outcome import Outcome
-from .recorded import HEADER, READINGS, Past, read_header, read_readings, recorded_looks
+from .recorded import (
+    HEADER,
+    PROPOSED,
+    READINGS,
+    TURNING,
+    Past,
+    Proposed,
+    read_header,
+    read_proposed,
+    read_readings,
+    recorded_looks,
+)
 
 RESULT = "outcome.json"
 
@@ -49,11 +64,20 @@ class Recorder:
     """Writes one correction into a folder, which every command reads as a session, also while it runs."""
 
     def __init__(
-        self, folder: Path, nominal: Nominal, joints: Sequence[str], past: Past, next_frame: int
+        self,
+        folder: Path,
+        nominal: Nominal,
+        header: Mapping[str, Any],
+        past: Past,
+        next_frame: int,
+        lock: FolderLock,
     ) -> None:
         """Use `start` or `resume`."""
-        self.folder, self.nominal, self.joints = folder, nominal, tuple(joints)
-        self._past, self._next = past, next_frame
+        self.folder, self.nominal, self.joints = folder, nominal, tuple(header["joints"])
+        self.proposed = read_proposed(header, folder / HEADER)
+        """The views that were proposed, by this run or an earlier one."""
+        self._header, self._past, self._next, self._lock = dict(header), past, next_frame, lock
+        self._open = False
         self._measured: tuple[str, ...] | None = None
         self._late_s = 0.0
         if past.looks:
@@ -70,6 +94,8 @@ class Recorder:
     ) -> Recorder:
         """Begins a recording in a folder that is not there yet, or empty. `header` is kept for `resume` (plain values).
 
+        The meshes that the URDF names are kept, simplified: a recording that is gone on with has the same body to keep off the glass.
+
         Raises `MirrorPostureError` for a folder that holds something.
         """
         folder = Path(folder)
@@ -82,13 +108,14 @@ class Recorder:
         with new_folder(folder) as part:
             (part / "images").mkdir()
             (part / "robot.urdf").write_bytes(nominal.robot_file.read_bytes())
+            _keep_meshes(nominal.robot_file, part / "robot.urdf")
             if nominal.camera is not None:
                 (part / "camera.yaml").write_text(dump_camera_info(nominal.camera), encoding="utf-8")
             tree = metadata_tree(nominal.session([Look({}, 0.0)], [0]))
             (part / FILE).write_text(tomli_w.dumps(tree), encoding="utf-8")
             (part / UNFINISHED).touch()
             (part / HEADER).write_text(json.dumps(document, indent=1, allow_nan=False), encoding="utf-8")
-        return cls(folder, nominal, joints, Past(), 0)
+        return cls(folder, nominal, document, Past(), 0, FolderLock(folder))
 
     @classmethod
     def resume(cls, folder: str | os.PathLike[str]) -> tuple[Recorder, dict[str, Any]]:
@@ -96,10 +123,20 @@ class Recorder:
 
         A last line without its end is taken off; a frame without image points is detected again from its picture.
 
-        Raises `MirrorPostureError` for a folder without a recording.
+        Raises `MirrorPostureError` for a folder without a recording, or one that another process records into.
         """
         folder = Path(folder)
         header = read_header(folder)
+        # Before a line is cut that another recorder is just writing.
+        lock = FolderLock(folder)
+        try:
+            return cls._resumed(folder, header, lock), header
+        except BaseException:
+            lock.release()
+            raise
+
+    @classmethod
+    def _resumed(cls, folder: Path, header: dict[str, Any], lock: FolderLock) -> Recorder:
         for name in (FRAMES, DETECTIONS, POINTS, READINGS):
             cut_last_line(folder / name)
         nominal = Nominal.load(folder)
@@ -108,15 +145,14 @@ class Recorder:
             drop_orphans(folder)
             session = load_session(folder)
             last = int(session.frames.frame[-1])
-            looks = recorded_looks(session, nominal)
+            looks = recorded_looks(session, nominal, header.get(TURNING, ()))
             postures = session.frames.posture.tolist()
             past = Past(tuple(looks), tuple(postures), tuple(read_readings(folder / READINGS)))
-        write_file(folder / UNFINISHED, b"")
-        recorder = cls(folder, nominal, header["joints"], past, last + 1)
+        recorder = cls(folder, nominal, header, past, last + 1, lock)
         if past.looks:
             # Once more, whole: the last frame's image points may have been cut.
             recorder._rewrite_detections(past)
-        return recorder, header
+        return recorder
 
     def past(self) -> Past:
         """What an earlier run recorded; empty for a new recording."""
@@ -125,8 +161,14 @@ class Recorder:
     def capture(self, look: Look, posture: int) -> int:
         """Writes a look's picture and its frame; returns the frame's number.
 
-        Raises `NoLookError` where the encoders that earlier frames have are missing.
+        Raises `NoLookError` where the encoders that earlier frames have are missing, `MirrorPostureError` where another recorder has
+        taken over the folder.
         """
+        self._lock.check()
+        if not self._open:
+            # Not before there is something to write: a recording that ended stays so where it is only asked to go on.
+            write_file(self.folder / UNFINISHED, b"")
+            self._open = True
         if self._measured is None:
             self._measured = tuple(name for name in self.joints if name in look.measured)
         lacking = [name for name in self._measured if name not in look.measured]
@@ -161,19 +203,42 @@ class Recorder:
     def detected(self, frame: int, look: Look) -> None:
         """Writes the image points of a look whose picture has its frame already."""
         if look.picture_bgr is not None and look.points is not None:
+            self._lock.check()
             self._append_detections(frame, look)
 
     def measured(self, posture: int, readings: Readings) -> None:
         """Writes the measurement of a look."""
+        self._lock.check()
         document = {"posture": posture, **{k: _plain(v) for k, v in asdict(readings).items()}}
         append_bytes(self.folder / READINGS, (json.dumps(document, allow_nan=False) + "\n").encode())
 
     def end(self, outcome: Outcome) -> None:
         """Writes what came of it. An interrupted correction stays open to `resume`."""
+        self._lock.check()
         document = json.dumps(_plain({**asdict(outcome), "data": outcome.data}), indent=1, allow_nan=False)
         write_file(self.folder / RESULT, document.encode())
         if outcome.stop.kind not in ("interrupted", "robot_failed"):
             (self.folder / UNFINISHED).unlink(missing_ok=True)
+
+    def close(self) -> None:
+        """Lets go of the folder; nothing can be written any more. Safe to call again."""
+        self._lock.release()
+
+    def keep_proposed(self, proposed: Proposed) -> None:
+        """Writes the views that were proposed, for the runs that go on."""
+        self.proposed = proposed
+        views = [[view.yaw_rad, view.pitch_rad, view.distance_m] for view in proposed.views]
+        self._keep(PROPOSED, {"count": proposed.count, "views": views})
+
+    def keep_turning(self, joints: Sequence[str]) -> None:
+        """Writes which joints turn the robot before its mirror: the markers that they move are no part of the recording."""
+        self._keep(TURNING, list(joints))
+
+    def _keep(self, key: str, value: Any) -> None:
+        if self._header.get(key) != value:
+            self._lock.check()
+            self._header[key] = value
+            write_file(self.folder / HEADER, json.dumps(self._header, indent=1, allow_nan=False))
 
     def _append_detections(self, frame: int, look: Look) -> None:
         points = look.points
@@ -205,13 +270,11 @@ class Recorder:
 
 
 _DETECTION_COLUMNS = ["frame", "target", "index", "u", "v", "std_px"]
-USUAL_STD_PX = 0.1
-"""Written for image points whose deviation neither detector nor session states: the column takes no empty
-cell."""
 
 
 def _detection_rows(frame: int, points: ImagePoints, nominal: Nominal) -> list[list[Any]]:
-    usual_px, names = nominal.metadata.noise.pixel_std_px or USUAL_STD_PX, nominal.marker_names
+    # The column takes no empty cell.
+    usual_px, names = nominal.metadata.noise.pixel_std_px or USUAL_NOISE_PX, nominal.marker_names
     rows: list[list[Any]] = []
     for index in np.flatnonzero(points.board_seen).tolist():
         std = None if points.board_std_px is None else float(points.board_std_px[index])
@@ -220,6 +283,14 @@ def _detection_rows(frame: int, points: ImagePoints, nominal: Nominal) -> list[l
         std = None if points.marker_std_px is None else float(points.marker_std_px[index])
         rows.append([frame, names[index], 0, *points.marker_px[index].tolist(), std or usual_px])
     return rows
+
+
+def _keep_meshes(source: Path, urdf: Path) -> None:
+    """Simplified copies of a URDF's meshes beside its copy; those that are simplified already as they are."""
+    keep_coarse_meshes(source, urdf, {})
+    for copy in (urdf.parent / COARSE_FOLDER).glob("*"):
+        if (before := source.parent / COARSE_FOLDER / copy.name).is_file():
+            shutil.copyfile(before, copy)
 
 
 def _plain(value: Any) -> Any:

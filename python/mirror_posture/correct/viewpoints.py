@@ -3,7 +3,7 @@ its own joints."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from .._core import MirrorPostureError
@@ -11,7 +11,10 @@ from ..robots.protocol import CommandedRobot, TurnsView
 from ..viewpoint import View
 from .options import CorrectOptions
 from .planner import propose_views, why_not_seen
+from .recorded import Proposed
+from .recorder import Recorder
 from .target import Target
+from .turned import check_turning
 
 
 @dataclass(frozen=True)
@@ -34,8 +37,10 @@ class Viewpoints:
         return self.usual if number % 2 == 0 else self.usual[::-1]
 
 
-def choose_viewpoints(robot: CommandedRobot, target: Target, options: CorrectOptions) -> Viewpoints:
-    """The viewpoints of a correction: given ones, those of joints, or proposed ones.
+def choose_viewpoints(
+    robot: CommandedRobot, target: Target, options: CorrectOptions, recorder: Recorder | None = None
+) -> Viewpoints:
+    """The viewpoints of a correction: given ones, those of joints, or proposed ones, which the recorder keeps.
 
     A robot that cannot turn has one: sufficient only if its looks contain marker positions.
 
@@ -44,7 +49,7 @@ def choose_viewpoints(robot: CommandedRobot, target: Target, options: CorrectOpt
     """
     if options.view_joints:
         stations = tuple(Viewpoint(joints=dict(one)) for one in options.view_joints)
-        _check_turning(target, stations)
+        check_turning(target, [station.joints for station in stations])
         return Viewpoints(stations, stations[::-1])
     if not isinstance(robot, TurnsView):
         return Viewpoints((Viewpoint(),), ())
@@ -52,32 +57,24 @@ def choose_viewpoints(robot: CommandedRobot, target: Target, options: CorrectOpt
     if views is None or (further is None and options.extra_views):
         kept = () if views is None else views
         count = max(options.views_a_look, len(kept)) if views is None else len(views)
-        proposed = propose_views(target, count + options.extra_views, kept, start=robot.view)
-        views = tuple(proposed[:count])
-        further = tuple(proposed[count:]) if further is None else further
+        wanted = count + options.extra_views
+        before = None if recorder is None else recorder.proposed
+        if before is not None and before.answers(wanted, kept):
+            proposed = before.views
+        else:
+            proposed = tuple(propose_views(target, wanted, kept, start=robot.view))
+        views = proposed[:count]
+        further = proposed[count:] if further is None else further
         if len(views) < 2:
             raise MirrorPostureError(
                 f"views: the model finds no two in which board and markers are seen and nothing touches the mirror: "
                 f"{why_not_seen(target, robot.view)}; or give the views (--view)"
             )
+        if recorder is not None:
+            recorder.keep_proposed(Proposed(wanted, proposed))
     return Viewpoints(
         tuple(Viewpoint(view) for view in views), tuple(Viewpoint(view) for view in further or ())
     )
-
-
-def _check_turning(target: Target, stations: Sequence[Viewpoint]) -> None:
-    robot = target.nominal.robot
-    measured = {step.joint for step in robot.chain(target.camera_link, target.board_link)}
-    for link in target.marker_links:
-        measured |= {step.joint for step in robot.chain(target.board_link, link)}
-    for station in stations:
-        for joint in station.joints:
-            robot.position_index(joint)
-            if joint in measured:
-                raise MirrorPostureError(
-                    f"view_joints: {joint!r} lies between camera, board and a marker, which must stand still within a look; "
-                    "turn with joints outside of them (waist, legs)"
-                )
 
 
 def go(robot: CommandedRobot, viewpoint: Viewpoint, command: Mapping[str, float]) -> None:

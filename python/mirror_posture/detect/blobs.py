@@ -72,14 +72,6 @@ def color_regions(
     ]
 
 
-def largest_region(
-    bgr: npt.NDArray[np.uint8], color: ColorRange, min_area_px: int = MIN_REGION_AREA_PX
-) -> Region | None:
-    """The paper's detection: the largest region of the colour in a picture `(H, W, 3)` BGR, or None."""
-    (regions,) = color_regions(bgr, [color], min_area_px)
-    return regions[0] if regions else None
-
-
 def contour_px(region: Region) -> FloatArray:
     """Outer boundary pixels of a region, `(N, 2)` px."""
     left, top, _, _ = region.box_px

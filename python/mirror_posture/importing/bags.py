@@ -13,8 +13,10 @@ import cv2
 import numpy as np
 
 from .._core import MirrorPostureError
+from ..arrays import Floats
 from ..camera import Camera
 from ..session.camera_formats import camera_of
+from ..session.errors import choices
 from .bounds import (
     MOST_POSITIONS,
     check_bag_folder,
@@ -80,7 +82,7 @@ def _read_bag(
     states: list[tuple[float, dict[str, float]]] = []
     commands: list[tuple[float, dict[str, float]]] = []
     wanted = [joints, *([commands_topic] if commands_topic else []), *beside[:1]]
-    held = 0
+    held, uncalibrated = 0, False
     for topic, time, message in _messages(source, wanted):
         if topic in (joints, commands_topic):
             row = _positions(source, topic, message)
@@ -91,7 +93,9 @@ def _read_bag(
                 )
             (states if topic == joints else commands).append((_stamp(message, time), row))
         elif camera is None:
-            camera = _camera(message)
+            uncalibrated = _is_uncalibrated(message)
+            if not uncalibrated:
+                camera = _camera(message, f"{source}, topic {topic}")
     factor = np.pi / 180.0 if degrees else 1.0
     log = _log(source, joints, states, factor)
     if commands_topic:
@@ -104,7 +108,13 @@ def _read_bag(
             for _, time, message in _messages(source, [image]):
                 yield _stamp(message, time) - start, _picture(source, message)
 
-    return Recording(log, lambda: counted_pictures(pictures(), str(source)), camera, str(source))
+    warnings: tuple[str, ...] = ()
+    if camera is None and uncalibrated:
+        warnings = (
+            f"{source}, topic {beside[0]}: the camera is not calibrated (K[0] is 0), its CameraInfo is left out and the session's "
+            "camera file stays",
+        )
+    return Recording(log, lambda: counted_pictures(pictures(), str(source)), camera, str(source), warnings)
 
 
 @contextmanager
@@ -230,25 +240,44 @@ def _log(source: Path, topic: str, rows: list[tuple[float, dict[str, float]]], f
 def _with_commands(measured: JointLog, commands: JointLog) -> JointLog:
     """The commands at the measurements' times: the last one before each."""
     names = tuple(name for name in measured.names if name in commands.names)
+    if not names:
+        raise MirrorPostureError(
+            f"{commands.source}: commands none of the joints that {measured.source} has: got {choices(commands.names)}, needed one "
+            f"or more of {choices(measured.names)}; give --commands-topic with those names, or leave it out"
+        )
     inside = measured.time_s >= commands.time_s[0]
-    if not names or inside.sum() < 2:
-        raise MirrorPostureError("the topics of states and commands share no joints or no time")
+    if inside.sum() < 2:
+        raise MirrorPostureError(
+            f"{commands.source}: begins at {commands.time_s[0]:.10g} s, needed a command before the last two states of "
+            f"{measured.source} ({measured.time_s[0]:.10g} to {measured.time_s[-1]:.10g} s): record both at the same time and by one "
+            "clock, or leave out --commands-topic"
+        )
     last = np.searchsorted(commands.time_s, measured.time_s[inside], side="right") - 1
     told = commands.position[last][:, [commands.names.index(name) for name in names]]
     read = measured.position[inside][:, [measured.names.index(name) for name in names]]
     return JointLog(measured.time_s[inside], names, told, read, commanded=True, source=measured.source)
 
 
-def _camera(message: Any) -> Camera:
+def _matrix(message: Any) -> Floats:
     # ROS 1 spells the fields with capitals.
-    matrix = np.array(getattr(message, "k", getattr(message, "K", ())), dtype=float)
+    return np.array(getattr(message, "k", getattr(message, "K", ())), dtype=float)
+
+
+def _is_uncalibrated(message: Any) -> bool:
+    """Whether a CameraInfo tells nothing: by its definition, K[0] is 0 then. Drivers publish it all the same."""
+    matrix = _matrix(message)
+    return not len(matrix) or bool(matrix[0] == 0.0)
+
+
+def _camera(message: Any, source: str) -> Camera:
+    matrix = _matrix(message)
     lens = [float(v) for v in getattr(message, "d", getattr(message, "D", ()))]
     model = str(message.distortion_model)
     size = (int(message.width), int(message.height))
     # An equidistant lens without coefficients is still no pinhole.
     if not any(lens) and model != "equidistant":
         model, lens = "none", []
-    return camera_of("camera_info", size, matrix.tolist(), model, lens)
+    return camera_of(source, size, matrix.tolist(), model, lens)
 
 
 def _picture(source: Path, message: Any) -> Picture:

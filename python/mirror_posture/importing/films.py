@@ -11,6 +11,7 @@ import numpy as np
 from .._core import MirrorPostureError
 from ..picture_files import MOST_PIXELS
 from ..session.detections import refuse_twice
+from ..session.lines import told_by_line
 from ..session.tables import open_table
 from .bounds import checked_size, counted_pictures, opened
 from .joint_csv import TIME, joint_csv
@@ -75,11 +76,12 @@ def read_pictures(folder: Path, joints_file: Path, degrees: bool, time: str = TI
     files = list_pictures(folder)
     table = folder / "times.csv"
     if os.path.lexists(table):
-        rows = open_table(table)
-        rows.require(IMAGE, TIME)
-        codes, texts = rows.texts(IMAGE)
-        refuse_twice(rows, codes, "the picture")
-        times = dict(zip((texts[code] for code in codes), rows.numbers(TIME), strict=True))
+        with told_by_line(table):
+            rows = open_table(table)
+            rows.require(IMAGE, TIME)
+            codes, texts = rows.texts(IMAGE)
+            refuse_twice(rows, codes, "the picture")
+            times = dict(zip((texts[code] for code in codes), rows.numbers(TIME), strict=True))
         if missing := [file.name for file in files if file.name not in times]:
             raise MirrorPostureError(f"{table}: has no row for the picture {missing[0]}")
         stamped = [(float(times[file.name]), file) for file in files]

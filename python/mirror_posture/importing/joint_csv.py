@@ -10,6 +10,7 @@ import numpy as np
 from .._core import MirrorPostureError
 from ..input_files import LARGEST_TABLE, given_text
 from ..session.errors import SessionError, choices
+from ..session.lines import told_by_line
 from ..session.tables import LARGEST_NUMBER, Table, open_table
 from .recording import JointLog
 
@@ -32,6 +33,12 @@ def joint_csv(file: Path, degrees: bool, time: str = TIME) -> JointLog:
         raise MirrorPostureError(
             f"--time: got {time!r}, needed COLUMN or COLUMN=UNIT with {choices(SECONDS)}"
         )
+    with told_by_line(file):
+        return _log(file, column, SECONDS[unit or "s"], degrees)
+
+
+def _log(file: Path, column: str, second: float, degrees: bool) -> JointLog:
+    """As `joint_csv`, with the column of time and how many seconds its unit has."""
     table = _table(file)
     if column not in table.columns:
         raise SessionError(
@@ -54,7 +61,6 @@ def joint_csv(file: Path, degrees: bool, time: str = TIME) -> JointLog:
     else:
         others += told
     # The limit is one of seconds: a Unix time in ns is 1.8e18. The origin stays, as pictures may be named by the same clock.
-    second = SECONDS[unit or "s"]
     seconds = second * table.numbers(column, LARGEST_NUMBER / second)
     return JointLog(seconds, names, position, measured, commanded=True, others=others, source=file.name)
 

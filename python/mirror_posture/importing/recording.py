@@ -66,3 +66,5 @@ class Recording:
     pictures: Pictures
     camera: Camera | None
     source: str
+    warnings: tuple[str, ...] = ()
+    """What was odd when it was read, and was left out."""

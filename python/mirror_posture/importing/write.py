@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import hashlib
 import math
-import os
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
+from glob import escape
 from pathlib import Path
 
 import cv2
@@ -15,29 +14,34 @@ import pyarrow as pa
 
 from .._core import MirrorPostureError
 from ..arrays import Floats
-from ..input_files import LARGEST_TABLE, read_regular
 from ..output_files import keep_files, new_folder
 from ..picture_files import encoded_picture
 from ..robot import Robot
 from ..session.camera_info import dump_camera_info
-from ..session.errors import SessionError, choices
+from ..session.errors import choices
 from ..session.metadata import load_metadata
 from ..session.tables import find_table
 from ..session.write import write_table
+from .originals import (
+    MADE,
+    TABLES,
+    made_by_import,
+    made_line,
+    picture_name,
+    refuse_links,
+    refuse_other_tables,
+    refuse_replacing,
+)
 from .recording import JointLog, Picture, Recording
 from .rest import ClockMatch, Rest, find_rests, match_clocks, picture_motion
+from .robot_joints import check_limits, only_joints, refuse_other_case, taken_back
 
 MARGIN = 0.2
 """Share of a rest that is left at either end: the robot may still swing, and the clocks' match has a width."""
 SHARP_WIDTH_PX = 640
-BEYOND_LIMIT = 0.05
-"""rad (m) by which a position may be beyond a joint's limit without a warning."""
 LEAST_TURN = math.radians(3.0)
 """A log in which no joint turns as far, taken for degrees, may be in rad: 3° are 172° there, more than most joints' whole range."""
 BEGAN_WITHIN_S = 30.0
-TABLES = ("frames.csv", "frames.parquet", "detections.csv", "detections.parquet")
-MADE = "images/imported.sha256"
-"""Hashes and names of the pictures that an import made, as `sha256sum` writes them: all others are somebody's originals."""
 
 
 @dataclass(frozen=True)
@@ -67,13 +71,14 @@ def import_recording(
 
     Of a rest's pictures the sharpest is used, away from the rest's ends; a joint's position is its median
     there. `joint_names` renames the recording's joints to the URDF's. Without `offset_s` the clocks are
-    aligned by the pictures' own stillness; if that does not determine the offset, they are taken to agree,
-    with a warning. The recording's camera replaces camera.yaml. Detections of earlier pictures are removed.
+    aligned by comparing how much the pictures change with how far the joints move between the same moments; if that does not
+    determine the offset, they are taken to agree, with a warning. Only the robot's joints decide what rests. The recording's camera replaces camera.yaml.
+    Detections of earlier pictures are removed.
     `degrees` says that the recording was read as degrees, except for prismatic joints.
 
     Raises:
-        MirrorPostureError: no session there, existing frames, pictures there that no import made, no joint of the robot in the
-            recording, no rest, or none with a picture.
+        MirrorPostureError: no session there, existing frames, pictures there that no import made, a log or points of other frames, a
+            link in the place of images/, no joint of the robot in the recording, no rest, or none with a picture.
     """
     metadata = load_metadata(folder)
     robot = Robot.from_urdf(folder / metadata.robot)
@@ -87,7 +92,10 @@ def import_recording(
             f"{recording.source}: lies in the session's images/, where the import writes its own pictures; needed a recording elsewhere: "
             "move it out of there"
         )
-    log, warnings = recording.joints, []
+    camera = None if recording.camera is None else metadata.camera or "camera.yaml"
+    refuse_links(folder, (MADE,) if camera is None else (MADE, camera))
+    refuse_other_tables(folder)
+    log, warnings = recording.joints, list(recording.warnings)
     wanted = dict(joint_names or {})
     if unknown := [name for name in wanted if name not in log.names]:
         raise MirrorPostureError(
@@ -110,10 +118,10 @@ def import_recording(
         )
     if len({name for _, name in kept}) < len(kept):
         raise MirrorPostureError("--joint: two of the recording's joints get the same name")
-    _refuse_other_case(log, columns, robot)
+    refuse_other_case(log, columns, robot)
     if degrees:
         slides = {joint.name for joint in robot.joints if joint.kind == "prismatic"}
-        log = _taken_back(log, [index for index, name in kept if name in slides])
+        log = taken_back(log, [index for index, name in kept if name in slides])
         recording = replace(recording, joints=log)
         turning = log.position[:, [index for index, name in kept if name not in slides]]
         if turning.size and 0.0 < np.ptp(turning, axis=0).max() < LEAST_TURN:
@@ -130,6 +138,7 @@ def import_recording(
         warnings.append(
             "the recording has measured positions only: they are written as if they had been commanded"
         )
+    log = only_joints(log, kept)
     rests = find_rests(log, tolerance=tolerance, least_s=least_s)
     if not rests:
         raise MirrorPostureError(
@@ -177,63 +186,23 @@ def import_recording(
         )
     if len(chosen) < len(rests):
         warnings.append(f"{len(rests) - len(chosen)} of {len(rests)} moments of rest have no picture")
-    earlier = _made_by_import(folder)
-    _refuse_replacing(folder, len(chosen), earlier, overwrite)
+    earlier = made_by_import(folder)
+    refuse_replacing(folder, len(chosen), earlier, overwrite)
     # In one step, because frames of one recording with pictures of another would look valid.
     with new_folder(folder) as part:
-        camera = None if recording.camera is None else metadata.camera or "camera.yaml"
-        keep_files(folder, part, (*TABLES, *earlier, MADE, *(() if camera is None else (camera,))))
-        _write(recording, part, kept, [rests[index] for index in chosen], list(chosen.values()), offset_s)
+        # A name is no pattern: what is kept is the old file itself, and must not be written into.
+        made = (*TABLES, *earlier, MADE, *(() if camera is None else (camera,)))
+        keep_files(folder, part, [escape(name) for name in made])
+        _write(
+            replace(recording, joints=log),
+            part,
+            [rests[index] for index in chosen],
+            list(chosen.values()),
+            offset_s,
+        )
         if recording.camera is not None and camera is not None:
             (part / camera).write_text(dump_camera_info(recording.camera), encoding="utf-8")
     return Imported(len(chosen), len(rests), clock, offset_s, tuple(warnings))
-
-
-def _made_by_import(folder: Path) -> list[str]:
-    """The pictures of an earlier import, as it made them: one that was changed or replaced since is somebody's."""
-    try:
-        lines = set(read_regular(folder / MADE, LARGEST_TABLE).decode().splitlines())
-    except (OSError, ValueError):
-        return []
-    return [
-        name
-        for name in map(_picture_name, range(len(lines)))
-        if (folder / name).is_file() and _made_line(name, (folder / name).read_bytes()) in lines
-    ]
-
-
-def _made_line(name: str, data: bytes) -> str:
-    # Relative to images/, where `sha256sum --check imported.sha256` is run.
-    return f"{hashlib.sha256(data).hexdigest()}  {Path(name).name}"
-
-
-def _refuse_replacing(folder: Path, count: int, earlier: Collection[str], overwrite: bool) -> None:
-    """Refuses to replace pictures that were there before, other than those of an earlier import with --overwrite."""
-    for name in map(_picture_name, range(count)):
-        if not os.path.lexists(folder / name) or (overwrite and name in earlier):
-            continue
-        if name in earlier:
-            raise MirrorPostureError(
-                f"{folder / name}: is there already, from an earlier import; add --overwrite to replace it"
-            )
-        raise MirrorPostureError(
-            f"{folder / name}: is there already, and is not in {MADE}, the list of pictures that an import made; this import would "
-            "replace it: move it out of images/ (or delete it)"
-        )
-
-
-def _refuse_other_case(log: JointLog, columns: list[tuple[int, str]], robot: Robot) -> None:
-    """Refuses a column that is one of the robot's joints but for capitals: left out, the joint would be taken to stand at 0."""
-    names = {name for _, name in columns}
-    free = {name.casefold(): name for name in robot.position_names if name not in names}
-    for index, name in columns:
-        if name not in robot.position_names and (joint := free.get(name.casefold())) is not None:
-            theirs = log.names[index]
-            raise SessionError(
-                log.source,
-                f"the robot has no joint {name!r}, but {joint!r}: capitals count; add --joint {theirs}={joint}, or rename the column",
-                column=theirs,
-            )
 
 
 def _beyond_log(log: JointLog, picture_s: Floats, offset_s: float, least_s: float) -> list[str]:
@@ -247,36 +216,6 @@ def _beyond_log(log: JointLog, picture_s: Floats, offset_s: float, least_s: floa
         f"{picture_s[-1]:.10g} s, {log.source} {first:.10g} to {last:.10g} s of the pictures' clock; record the joints for as long as "
         "the pictures"
     ]
-
-
-def _taken_back(log: JointLog, columns: list[int]) -> JointLog:
-    """The log with some columns as they were before they were taken for degrees."""
-    factor = np.ones(len(log.names))
-    factor[columns] = 180.0 / np.pi
-    return replace(
-        log, position=log.position * factor, measured=None if log.measured is None else log.measured * factor
-    )
-
-
-def check_limits(recording: Recording, robot: Robot, kept: list[tuple[int, str]]) -> list[str]:
-    """Positions beyond the joints' limits: warnings, or `MirrorPostureError` where they cannot be in rad (m)."""
-    limits = {joint.name: (joint.lower, joint.upper) for joint in robot.joints}
-    warnings = []
-    for index, name in kept:
-        low, high = limits[name]
-        least, most = (
-            float(recording.joints.position[:, index].min()),
-            float(recording.joints.position[:, index].max()),
-        )
-        span = max(high - low, 0.1)
-        told = f"{recording.source}: {name} goes from {least:.4g} to {most:.4g}, its limits are {low:.4g} to {high:.4g} rad (m)"
-        if least < low - span or most > high + span:
-            raise MirrorPostureError(
-                f"{told}: are these degrees (--degrees), or is it another joint (--joint THEIRS=OURS)?"
-            )
-        if least < low - BEYOND_LIMIT or most > high + BEYOND_LIMIT:
-            warnings.append(told)
-    return warnings
 
 
 def _overlap(log: JointLog, picture_s: Floats) -> bool:
@@ -320,14 +259,9 @@ def sharpness(picture: Picture) -> float:
     return float(cv2.Laplacian(gray, cv2.CV_64F).var())
 
 
-def _picture_name(number: int) -> str:
-    return f"images/{number:04d}.png"
-
-
 def _write(
     recording: Recording,
     folder: Path,
-    kept: list[tuple[int, str]],
     rests: list[Rest],
     chosen: list[int],
     offset_s: float,
@@ -348,19 +282,19 @@ def _write(
         frame = frame_of.get(number)
         if frame is None:
             continue
-        name = _picture_name(frame)
+        name = picture_name(frame)
         data = encoded_picture(picture, name)
         (folder / name).write_bytes(data)
-        time_s[frame], made[frame] = time - offset_s, _made_line(name, data)
+        time_s[frame], made[frame] = time - offset_s, made_line(name, data)
     (folder / MADE).write_text("".join(f"{line}\n" for line in made), encoding="utf-8")
     order = np.arange(len(chosen))
     columns = {
         "frame": order,
         "posture": order,
         "time_s": time_s,
-        "image": pa.array(map(_picture_name, range(len(chosen))), pa.string()),
-        **{name: np.array(commanded)[:, index] for index, name in kept},
+        "image": pa.array(map(picture_name, range(len(chosen))), pa.string()),
+        **{name: np.array(commanded)[:, index] for index, name in enumerate(log.names)},
     }
     if measured:
-        columns |= {f"measured:{name}": np.array(measured)[:, index] for index, name in kept}
+        columns |= {f"measured:{name}": np.array(measured)[:, index] for index, name in enumerate(log.names)}
     write_table(pa.table(columns), folder / "frames.csv")

@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal, get_args
 
+import numpy as np
+
+from .._core import MirrorPostureError
 from ..arrays import Floats
 from ..short_repr import ShortRepr
 
@@ -50,3 +54,36 @@ class MeasureOptions:
     judge_markers: bool = True
     """Whether outlying views and markers are masked, and deviations that are too small throughout are
     increased; False leaves that to a caller who reads `chi_squared`."""
+
+    def __post_init__(self) -> None:
+        """Raises `MirrorPostureError` for an unknown estimator, and for a number that nothing can be measured with."""
+        if self.estimator not in ESTIMATORS:
+            raise MirrorPostureError(
+                f"estimator: got {self.estimator!r}, needed one of {', '.join(ESTIMATORS)}"
+            )
+        for name in ("corner_noise_px", "marker_noise_px"):
+            _refuse(name, getattr(self, name), lambda value: value > 0.0, "above 0 px, or None (as detected)")
+        for name, unit in (("mount_std_rad", "rad"), ("mount_std_m", "m")):
+            _refuse(
+                name,
+                getattr(self, name),
+                lambda value: value >= 0.0,
+                f"of at least 0 {unit}, or None (exact)",
+            )
+        if self.least_parallax_rad is None:
+            raise MirrorPostureError("least_parallax_rad: got None, needed an angle, rad")
+        _refuse(
+            "least_parallax_rad",
+            self.least_parallax_rad,
+            lambda value: 0.0 < value < math.pi / 2,
+            "above 0 and below a right angle, rad (not degrees)",
+        )
+
+
+def _refuse(name: str, value: object, fits: Callable[[float], bool], needed: str) -> None:
+    """Refuses an option that is neither None nor a finite number that fits."""
+    if value is None:
+        return
+    is_number = isinstance(value, (int, float, np.number)) and not isinstance(value, bool)
+    if not is_number or not math.isfinite(value) or not fits(float(value)):  # type: ignore[arg-type]
+        raise MirrorPostureError(f"{name}: got {value!r}, needed a finite number {needed}")

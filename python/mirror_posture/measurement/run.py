@@ -10,13 +10,13 @@ from typing import Any
 
 import numpy as np
 
-from .._core import Measured, MeasureInput, MirrorPostureError
+from .._core import Measured, MeasureInput
 from ..arguments import checked_arguments
 from ..arrays import Floats
 from ..session import Session, as_session
 from ..view_check import refuse_mistakes
 from .inputs import a_from_b, core_input, noise_px, nominal_camera_from_board, require_detected
-from .options import ESTIMATORS, EXACT_STD, JOINT_MOUNT_STD_M, JOINT_MOUNT_STD_RAD, MeasureOptions
+from .options import EXACT_STD, JOINT_MOUNT_STD_M, JOINT_MOUNT_STD_RAD, MeasureOptions
 from .residuals import WIDEN_ABOVE, Assumed, Tested, excess_of_markers, judge_views, widen_markers
 from .types import Markers, Measurement, Mirrors, NothingMeasuredError, mapped
 
@@ -54,11 +54,6 @@ def measure_all(
             what they claim.
         NothingMeasuredError: no mirror can be estimated by one of the options.
     """
-    for one in options:
-        if one.estimator not in ESTIMATORS:
-            raise MirrorPostureError(
-                f"estimator: got {one.estimator!r}, needed one of {', '.join(ESTIMATORS)}"
-            )
     session = as_session(session)
     nominal = nominal_camera_from_board(session)
     require_detected(session)

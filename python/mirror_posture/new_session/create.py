@@ -14,7 +14,7 @@ import tomli_w
 from .._core import MirrorPostureError
 from ..camera import Camera
 from ..diagnosis.applied.xacro_tree import XacroTree, is_xacro
-from ..diagnosis.applied.xml_text import XmlText, read_xml
+from ..diagnosis.applied.xml_text import BOM, XmlText, read_xml
 from ..mirror import IDEAL_MIRROR, Mirror
 from ..output_files import new_folder
 from ..robot import Robot
@@ -188,8 +188,12 @@ def _with_mounts(text: str, mounts: Sequence[tuple[str, str, Any]]) -> str:
         f"    <parent link={quoteattr(parent)}/>\n    <child link={quoteattr(name)}/>\n    {origin_text(pose)}\n  </joint>\n"
         for name, parent, pose in mounts
     )
-    end = text.rindex("</robot>")
-    return text[:end] + "\n  <!-- What was mounted for the session. -->\n" + lines + text[end:]
+    # Where the root ends: a comment may follow that looks like its end, and a blank may stand in the tag.
+    before = text[: len(text) - len(text.removeprefix(BOM))]
+    data = text.removeprefix(BOM).encode("utf-8")
+    end = data.rfind(b"</", 0, XmlText(text).root.end)
+    told = "\n  <!-- What was mounted for the session. -->\n" + lines
+    return before + data[:end].decode("utf-8") + told + data[end:].decode("utf-8")
 
 
 def _metadata(

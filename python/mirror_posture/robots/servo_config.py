@@ -23,7 +23,7 @@ from .servo_state import AtEnd
 SPEED_UNIT_RAD_PER_S = 0.229 * 2.0 * math.pi / 60.0
 """Dynamixel's, X series."""
 ACCELERATION_UNIT_RAD_PER_S2 = 214.577 * 2.0 * math.pi / 3600.0
-STS_STEP_RAD = 2.0 * math.pi / 4096
+STS_STEP_RAD = 2.0 * math.pi / COUNTS_PER_TURN
 """Feetech's, STS series: a step; its speeds count 1 step/s or 50."""
 STS_ACCELERATION_UNIT_RAD_PER_S2 = 100.0 * STS_STEP_RAD
 STEPS = {
@@ -135,10 +135,7 @@ def _servos(joints: Mapping[str, Any], file: Path, nominal: Nominal, make: Make)
     servos: list[Servo] = []
     for joint, given in joints.items():
         place = f"joints.{joint}"
-        if joint not in nominal.joint_limits:
-            raise MirrorPostureError(
-                f"{file}: {place}: the URDF has no such joint; it has {', '.join(nominal.joint_limits)}"
-            )
+        _refuse_not_turned(joint, f"{file}: {place}", nominal)
         if not isinstance(given, dict):
             raise MirrorPostureError(f"{file}: {place}: needed a table with `id`, `zero_counts`, `direction`")
         servo_keys = _read(given, SERVO[make], file, place)
@@ -184,6 +181,30 @@ def _servos(joints: Mapping[str, Any], file: Path, nominal: Nominal, make: Make)
     if not servos:
         raise MirrorPostureError(f"{file}: [joints] is empty; needed a table [joints.NAME] for each servo")
     return tuple(servos)
+
+
+def _refuse_not_turned(joint: str, place: str, nominal: Nominal) -> None:
+    """Raises `MirrorPostureError` for a joint that no servo of this file can move by an angle of its own."""
+    robot = nominal.robot
+    found = next((one for one in robot.joints if one.name == joint), None)
+    turning = [j.name for j in robot.joints if j.name in robot.position_names and j.kind != "prismatic"]
+    if found is None:
+        raise MirrorPostureError(f"{place}: the URDF has no such joint; it has {', '.join(turning)}")
+    if found.position is None:
+        raise MirrorPostureError(
+            f"{place}: is a fixed joint in the URDF; needed one of {', '.join(turning)}; leave it out, or give it an axis in the URDF"
+        )
+    if joint not in robot.position_names:
+        raise MirrorPostureError(
+            f"{place}: follows {robot.position_names[found.position]} by <mimic> in the URDF and has no command of its own; leave it "
+            f"out, or take <mimic> out of the URDF where a servo of its own moves it"
+        )
+    if found.kind == "prismatic":
+        # Metres would be taken for radians: 0.1 m as 6°.
+        raise MirrorPostureError(
+            f"{place}: slides, and a servo's counts are angles: its position in m would be taken as rad; leave it out (it stays where it "
+            f"is), or drive it with a class of your own (--robot-class MODULE:CLASS); servos turn {', '.join(turning)}"
+        )
 
 
 def _read(given: Mapping[str, Any], section: Section, file: Path, place: str) -> dict[str, Any]:

@@ -8,6 +8,7 @@ replaced by a similar one.
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -43,7 +44,12 @@ def is_opencv(text: str) -> bool:
 
 def is_kalibr(tree: Mapping[Any, Any]) -> bool:
     """Whether a tree is Kalibr's camchain."""
-    return "cam0" in tree or ("camera_model" in tree and "intrinsics" in tree)
+    return bool(_kalibr_cameras(tree)) or ("camera_model" in tree and "intrinsics" in tree)
+
+
+def _kalibr_cameras(tree: Mapping[Any, Any]) -> list[str]:
+    """The names of a camchain's cameras; of one that was cut out of a chain the number need not be 0."""
+    return [key for key in tree if isinstance(key, str) and re.fullmatch(r"cam\d+", key)]
 
 
 def is_topic(tree: Mapping[Any, Any]) -> bool:
@@ -102,14 +108,16 @@ def _opencv_size(name: str, found: Mapping[str, Any]) -> tuple[int, int]:
 
 def from_kalibr(name: str, tree: Mapping[Any, Any]) -> Camera:
     """The camera of Kalibr's camchain, which must hold one: `pinhole` with `radtan`, `equidistant` or no distortion."""
-    cameras = [key for key in tree if isinstance(key, str) and key.startswith("cam") and key[3:].isdigit()]
+    cameras = _kalibr_cameras(tree)
     if len(cameras) > 1:
         raise SessionError(
             name, f"holds {len(cameras)} cameras ({choices(cameras)}); keep only the one of the pictures"
         )
     entry = tree[cameras[0]] if cameras else tree
     if not isinstance(entry, Mapping):
-        raise SessionError(name, f"cam0: got a {type(entry).__name__}, needed the keys of a Kalibr camera")
+        raise SessionError(
+            name, f"{cameras[0]}: got a {type(entry).__name__}, needed the keys of a Kalibr camera"
+        )
     if entry.get("camera_model") != "pinhole":
         raise SessionError(
             name,

@@ -16,8 +16,9 @@ class SessionError(PickledWhole, MirrorPostureError):
     """An invalid session.
 
     The message is one line: place, what was given, what was required, the fix. `file`, `row` (counted from
-    1 below the header) and `column` give the place to programs; they are None where they do not apply.
-    `problems` are all that were found in the session, this one first.
+    1 below the header, blank lines left out), `line` (of a CSV file, as an editor counts) and `column` give
+    the place to programs; they are None where they do not apply. `problems` are all that were found in the
+    session, this one first.
     """
 
     problems: tuple[SessionError, ...] = ()
@@ -28,13 +29,23 @@ class SessionError(PickledWhole, MirrorPostureError):
         self.file = Path(file)
         self.row = row
         self.column = column
-        place = str(file)
-        if row is not None:
-            # The header is line 1 of a CSV file; Parquet has no lines.
-            place += f", row {row}" + (f" (line {row + 1})" if self.file.suffix == ".csv" else "")
-        if column is not None:
-            place += f", column {column!r}"
-        super().__init__(f"{place}: {problem}")
+        self._shown_as, self._problem = str(file), problem
+        # The header is line 1 of a CSV file; Parquet has no lines.
+        self.line = row + 1 if row is not None and self.file.suffix == ".csv" else None
+        super().__init__(self._message())
+
+    def move_to_line(self, line: int) -> None:
+        """Tells another line of the file: of one with blank lines, which no row is counted for."""
+        self.line = line
+        self.args = (self._message(),)
+
+    def _message(self) -> str:
+        place = self._shown_as
+        if self.row is not None:
+            place += f", row {self.row}" + ("" if self.line is None else f" (line {self.line})")
+        if self.column is not None:
+            place += f", column {self.column!r}"
+        return f"{place}: {self._problem}"
 
 
 class Problems:

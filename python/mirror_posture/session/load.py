@@ -19,6 +19,7 @@ from .detections import COLUMNS as DETECTION_COLUMNS
 from .detections import OPTIONAL_COLUMNS, read_detections
 from .errors import Problems, SessionError, choices
 from .frames import check_images_exist, read_frames
+from .lines import told_by_line
 from .metadata import FILE, Metadata, load_metadata
 from .plausibility import check_plausible
 from .points import COLUMNS as POINT_COLUMNS
@@ -50,6 +51,11 @@ def load_session(folder: str | os.PathLike[str]) -> Session:
     `Session.warnings`.
     """
     folder = Path(folder)
+    with told_by_line(folder):
+        return _load(folder)
+
+
+def _load(folder: Path) -> Session:
     metadata = load_metadata(folder)
     warnings = list(metadata.warnings)
     problems = Problems()

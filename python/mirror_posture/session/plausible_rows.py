@@ -11,6 +11,7 @@ from ..counted import counted
 from .errors import SessionError
 
 if TYPE_CHECKING:
+    from ..robot import Robot
     from .types import Session
 
 SAME_COMMAND = 1e-4
@@ -30,22 +31,22 @@ FAR_ENCODER = 0.5
 warning."""
 
 
+def joints_between(robot: Robot, base: str, link: str) -> set[str]:
+    """The joints whose commands move a link as another one sees it; of a joint that follows another one (mimic) that other one."""
+    moved = {joint.name: joint.position for joint in robot.joints}
+    chain = (moved[step.joint] for step in robot.chain(base, link))
+    return {robot.position_names[position] for position in chain if position is not None}
+
+
 def one_command_a_posture(session: Session) -> None:
-    """Frames of one posture have one command of the joints that move what is measured."""
+    """Frames of one posture have one command of the joints that move what is measured, as the camera sees it.
+
+    Legs that turn the whole robot before its mirror move only its feet: they may differ where no foot is ever seen.
+    """
     frames, robot = session.frames, session.robot
-    ends = [link for link in (session.camera_link, session.board and session.board.link) if link]
-    if session.points is not None:
-        ends.append(session.root_link)
-    links = [*ends, *(marker.link for marker in session.markers)]
-    between = {
-        step.joint for a in ends[:1] or [session.root_link] for b in links for step in robot.chain(a, b)
-    }
-    drivers = {joint.position for joint in robot.joints if joint.name in between}
-    columns = [
-        i
-        for i, name in enumerate(frames.joint_names)
-        if name in robot.position_names and robot.position_index(name) in drivers
-    ]
+    links = _measured_links(session)
+    moving = {joint for link in links for joint in joints_between(robot, links[0], link)}
+    columns = [i for i, name in enumerate(frames.joint_names) if name in moving]
     _, first, of = np.unique(frames.posture, return_index=True, return_inverse=True)
     other = np.abs(frames.commanded[:, columns] - frames.commanded[first[of]][:, columns]) > SAME_COMMAND
     rows = np.flatnonzero(other.any(axis=1))
@@ -61,6 +62,20 @@ def one_command_a_posture(session: Session) -> None:
             row=row + 1,
             column=frames.joint_names[column],
         )
+
+
+def _measured_links(session: Session) -> list[str]:
+    """The links that are measured, and from which; the first one is that from which the others are seen."""
+    ends = [link for link in (session.camera_link, session.board and session.board.link) if link]
+    if session.points is not None:
+        ends.append(session.root_link)
+    seen = session.mirror_view.marker_seen | session.direct_view.marker_seen
+    if session.points is not None:
+        seen = seen | session.points.seen
+    # Before anything is looked for, every marker may be found in every picture.
+    unknown = not session.detected and session.points is None
+    markers = [marker.link for m, marker in enumerate(session.markers) if unknown or seen[:, m].any()]
+    return [*(ends or [session.root_link]), *markers]
 
 
 def encoders(session: Session) -> list[str]:

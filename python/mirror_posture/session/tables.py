@@ -335,7 +335,7 @@ def _name_ragged_row(data: bytes, name: str, convert: pyarrow.csv.ConvertOptions
         raise SessionError(
             name,
             f"got {row.actual_columns} cells, needed {row.expected_columns} as in the header; mend the row",
-            # The reader counts the header as row 1.
+            # The reader counts the header as row 1, and no blank lines.
             row=row.number - 1,
         )
 

@@ -34,7 +34,9 @@ from .accelerometers import accelerometer_columns
 from .camera_info import dump_camera_info
 from .errors import SessionError
 from .frames import MEASURED
+from .load import load_session
 from .metadata import FILE, RESERVED_TARGET
+from .replaced import copy_meshes, copy_pictures, keep_others
 from .states import states_table
 from .tables import SUFFIXES
 from .types import Session, Views
@@ -52,15 +54,26 @@ def write_session(
 ) -> Path:
     """Writes a session as a folder that `load_session` reads back to the same arrays, bit for bit.
 
-    It is written to a temporary folder and then renamed, so that an existing folder is complete. Pictures
-    are copied; keys of session.toml that the format does not know are kept. Returns the folder.
+    It is written to a temporary folder, read back, and then renamed, so that an existing folder is complete. Pictures
+    and the model's shapes (`meshes/`) are copied; keys of session.toml that the format does not know are kept. With
+    `overwrite` files of the folder that are not the format's stay (notes, plan, diagnosis); those of the format are
+    replaced, and where the folder held another session its `images/` and `meshes/` go too. Returns the folder.
 
-    Raises `SessionError` if the folder exists and `overwrite` is False.
+    Raises `SessionError` if the folder exists and `overwrite` is False, and for a session that `load_session` would
+    refuse (an undefined number, frame numbers that fall, a picture outside the folder): nothing is written then.
     """
     folder = Path(folder)
 
     def fill(target: Path) -> None:
-        write_session_files(session, target, tables)
+        keep_others(session, folder, target)
+        try:
+            write_session_files(session, target, tables)
+            load_session(target)
+        except (SessionError, pa.ArrowInvalid, IndexError) as error:
+            told = str(error).replace(f"{target}{os.sep}", "")
+            raise SessionError(
+                folder, f"nothing was written, because the session could not be read again: {told}"
+            ) from None
 
     replace_folder(folder, fill, overwrite)
     return folder
@@ -258,7 +271,7 @@ def _marker_tree(marker: Marker, raw: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def write_session_files(session: Session, target: Path, tables: TableFormat = "csv") -> None:
-    """Writes a session's files into a folder that is there; pictures that lie in it already stay as they are."""
+    """Writes a session's files into a folder that is there; pictures and shapes that lie in it already stay as they are."""
     (target / FILE).write_text(tomli_w.dumps(metadata_tree(session)), encoding="utf-8")
     shutil.copyfile(session.robot_file, target / "robot.urdf")
     if session.camera is not None:
@@ -270,10 +283,8 @@ def write_session_files(session: Session, target: Path, tables: TableFormat = "c
         write_table(points_table(session), target / f"points.{tables}")
     if session.states is not None:
         write_table(states_table(session.states), target / f"states.{tables}")
-    for name, picture in zip(session.frames.image or (), session.image_files, strict=False):
-        if name is not None and picture is not None and picture != target / name and picture.is_file():
-            (target / name).parent.mkdir(parents=True, exist_ok=True)
-            shutil.copyfile(picture, target / name)
+    copy_meshes(session, target)
+    copy_pictures(session, target)
 
 
 def replace_folder(

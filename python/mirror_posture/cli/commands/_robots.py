@@ -3,24 +3,52 @@
 from __future__ import annotations
 
 import importlib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from pathlib import Path
 from typing import Any
 
 from ..._core import MirrorPostureError
 from ...input_files import given_text, parse_toml
 from ...robots import CommandedRobot, Nominal
+from ...session.tables import LARGEST_NUMBER
 from ..plugins import plugins
 
 ROBOT_GROUP = "mirror_posture.robots"
 """Entry points of this group open robots by name: called with the settings, the nominal session, and what talks to the user."""
-LARGEST_NUMBER = 1e12
-"""Of a posture; as in a session's tables."""
 SIMULATED = ("twin", "mujoco")
 """Robots of the distribution mirror-posture-lab."""
 SERVOS = {"dynamixel": "DynamixelRobot", "feetech": "FeetechRobot"}
 """Makes of servos: a module of `robots` each, and its robot."""
 NAMES = (*SIMULATED, "by-hand", *SERVOS)
+OWN = "own"
+"""A robot of somebody's own class."""
+OF_ROBOTS = {
+    "inbox": ("by-hand",),
+    "servos": tuple(SERVOS),
+    "camera": tuple(SERVOS),
+    "robot_class": (OWN,),
+    "pictures": SIMULATED,
+    "noise_px": SIMULATED,
+    "stand_error_deg": SIMULATED,
+    "seed": SIMULATED,
+    "meshes": SIMULATED[:1],
+}
+"""Options that only these robots have; `hide` is told apart by `open_robot`, because further simulated robots can be installed."""
+
+
+def refuse_others_options(robot: str | None, given: Collection[str]) -> None:
+    """Raises `MirrorPostureError` for an option (by its parameter's name) that was given and that this robot would pass over.
+
+    `robot` is None where nobody but a person moves one. Robots of other distributions have options of their own: they are not judged.
+    """
+    if robot is not None and robot not in (*NAMES, OWN):
+        return
+    for option in OF_ROBOTS:
+        if option in given and robot not in OF_ROBOTS[option]:
+            raise MirrorPostureError(
+                f"--{option.replace('_', '-')}: got {'no robot' if robot is None else robot}, needed {' or '.join(OF_ROBOTS[option])}, which alone has "
+                "this option; leave it out, or name that robot"
+            )
 
 
 def open_robot(settings: Mapping[str, Any], nominal: Nominal, say: Callable[[str], object]) -> CommandedRobot:

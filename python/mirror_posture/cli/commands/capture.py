@@ -65,10 +65,11 @@ def command(
     from ..._core import MirrorPostureError
     from ...capture import Capture, CaptureOptions, Recorder, open_source, state_of
     from ...capture.server import CaptureServer
+    from ...capture.sources import place_of
     from ...plan import read_plan
     from ...plan.table import POSTURES
     from ...robots import Nominal
-    from ._robots import open_robot
+    from ._robots import open_robot, refuse_others_options
 
     nominal = Nominal.load(session)
     if nominal.camera is None or nominal.metadata.board is None:
@@ -78,18 +79,23 @@ def command(
     frames = read_plan(rows, nominal.robot)
     if not frames:
         raise MirrorPostureError(f"{rows}: has no rows; needed one for each picture; plan once more")
-    if (servos or robot_class) and robot is None:
-        robot = "own" if robot_class else None
+    if robot_class and robot is None:
+        robot = "own"
+    given = {name for name, value in (("servos", servos), ("robot_class", robot_class)) if value is not None}
+    refuse_others_options(robot, given)
     with ExitStack() as stack:
         eye = open_source(source, nominal.camera)
-        recorder = Recorder(session, frames, overwrite)
-        if recorder.taken:
-            output.say(f"going on: {len(recorder.taken)} of {len(frames)} pictures are there")
         serve = eye.live if page is None else page
         if robot is not None and not serve:
             raise MirrorPostureError(
                 "--robot: a robot is moved only while a person watches the page; leave out --no-page"
             )
+        recorder = Recorder(session, frames, overwrite)
+        # Before the robot is opened: it need not be, where nothing can be recorded.
+        recorder.begin(place_of(eye))
+        stack.callback(recorder.close)
+        if recorder.taken:
+            output.say(f"going on: {len(recorder.taken)} of {len(frames)} pictures are there")
         machine = None
         if robot is not None:
             settings: dict[str, Any] = {

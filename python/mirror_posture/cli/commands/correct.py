@@ -18,7 +18,7 @@ from ..values import given_options, joint_values
 
 if TYPE_CHECKING:
     from ...correct import CorrectOptions, Outcome, Target
-    from ...robots import CommandedRobot
+    from ...robots import CommandedRobot, Nominal
 
 ORDER = 50
 PANEL = "Correction"
@@ -139,6 +139,9 @@ def command(
     """
     given = dict(locals())
     output = Output(as_json)
+    from ._robots import refuse_others_options
+
+    refuse_others_options(robot, named := given_options(context))
     # A recording keeps all that was asked for.
     settings: dict[str, Any] = {
         name: []
@@ -149,7 +152,7 @@ def command(
         for name, value in given.items()
         if name not in ("context", "out", "resume", "as_json")
     }
-    outcome, options = _run(output, out, settings, given_options(context) if resume else None)
+    outcome, options = _run(output, out, settings, named if resume else None)
     written = _pictures(out, outcome, options)
     tell_outcome(output, outcome, sliding_joints(out), written)
     output.result(
@@ -166,13 +169,19 @@ def _run(
 ) -> tuple[Outcome, CorrectOptions]:
     """Runs a correction, or goes on with one; then `resumed_with` are the names of the options that were given."""
     from ...correct import Recorder, correct, make_target
+    from ...correct.recorded import read_header
     from ...robots import Nominal, ending_signals
     from ._robots import open_robot, read_posture
 
     recorder = None
     if resumed_with is not None:
-        recorder, header = Recorder.resume(out)
-        asked, settings = settings, header["settings"]
+        # What is refused touches nothing of the folder.
+        begun = read_header(out).get("settings")
+        if not isinstance(begun, dict):
+            raise MirrorPostureError(
+                f"--resume: {out} was begun from Python, without the options of this command; go on with it from there (Recorder.resume)"
+            )
+        asked, settings = settings, begun
         changed = [
             f"{name if name == 'robot' else '--' + name.replace('_', '-')} {settings.get(name)}, not {asked[name]}"
             for name in asked
@@ -182,6 +191,7 @@ def _run(
             raise MirrorPostureError(
                 f"--resume: {out} was begun with {', and with '.join(changed)}; leave that away, or begin anew with another --out"
             )
+        recorder, header = Recorder.resume(out)
         output.say(f"going on with {counted(len(recorder.past().looks), 'picture')} in {out}")
         posture = {str(name): float(value) for name, value in header["posture"].items()}
         nominal = recorder.nominal
@@ -192,7 +202,7 @@ def _run(
         if not posture:
             raise MirrorPostureError("no target: needed --joint JOINT=DEGREES, or --target FILE")
     _one_way_of_looking(settings)
-    options = build_options(settings)
+    options = build_options(settings, nominal)
     options.check()
     with progress_of_looks(output) as (say, on_look, on_picture), ending_signals():
         with open_robot(settings, nominal, say) as machine:
@@ -203,7 +213,7 @@ def _run(
                 target.corrector(options)
                 if settings["plan"] is not None:
                     settings["planned"] = _planned(output, settings, machine, target)
-                    options = build_options(settings)
+                    options = build_options(settings, nominal)
                 recorder = Recorder.start(
                     out, nominal, machine.joint_names, {"settings": settings, "posture": posture}
                 )
@@ -243,8 +253,6 @@ def _ahead(
 
 
 def _one_way_of_looking(settings: Mapping[str, Any]) -> None:
-    if settings.get("meshes") and settings["robot"] != "twin":
-        raise MirrorPostureError(f"--meshes: needed the twin, not {settings['robot']}")
     given = [f"--{name.replace('_', '-')}" for name in ("view", "plan", "turn_by") if settings.get(name)]
     if len(given) > 1:
         raise MirrorPostureError(f"{' and '.join(given)}: needed one of them; each says from where to look")
@@ -275,8 +283,8 @@ def _planned(
     }
 
 
-def build_options(settings: Mapping[str, Any]) -> CorrectOptions:
-    """The options of a correction from the command's settings (which a recording keeps)."""
+def build_options(settings: Mapping[str, Any], nominal: Nominal) -> CorrectOptions:
+    """The options of a correction of this robot from the command's settings (which a recording keeps)."""
     from ...correct import CorrectOptions, MeasureChoice, StepOptions, StopOptions
     from ...viewpoint import View
 
@@ -303,7 +311,9 @@ def build_options(settings: Mapping[str, Any]) -> CorrectOptions:
         views=kept or None,
         further_views=further,
         views_a_look=settings["views"],
-        view_joints=tuple(tuple(joint_values([text], "--turn-by").items()) for text in settings["turn_by"]),
+        view_joints=tuple(
+            tuple(joint_values([text], "--turn-by", nominal.robot).items()) for text in settings["turn_by"]
+        ),
     )
 
 

@@ -30,9 +30,12 @@ def command(
         typer.Option(help="With a film or pictures: CSV with time_s and a column for each joint."),
     ] = None,
     time: Annotated[
-        str,
-        typer.Option(help="The column of time in it, with its unit where that is not s: stamp=ms (us, ns)."),
-    ] = "time_s",
+        str | None,
+        typer.Option(
+            help="The column of time in it, time_s by default, with its unit where that is not s: stamp=ms (us, ns).",
+            show_default=False,
+        ),
+    ] = None,
     joint: Annotated[
         list[str] | None, typer.Option(help="THEIRS=OURS: the recording's name of a joint and the URDF's.")
     ] = None,
