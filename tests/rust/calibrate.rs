@@ -205,6 +205,46 @@ fn a_prior_takes_the_place_of_the_missing_views() {
     assert!((prior - found.covariance).symmetric_eigenvalues().min() > -1e-15);
 }
 
+/// The corners alone tell their noise: a nominal transform that is off by two of the prior's deviations is no noise of the pictures.
+#[test]
+fn a_prior_that_is_off_is_not_taken_for_noise() {
+    const TRUE_STD_PX: f64 = 0.05;
+    let mut rng = ChaCha8Rng::seed_from_u64(36);
+    let (turn_rad, shift_m) = (0.005, 0.001);
+    let deviations = [turn_rad, turn_rad, turn_rad, shift_m, shift_m, shift_m].map(|s| s * s);
+    let prior = Matrix6::from_diagonal(&deviations.into());
+    let off = Isometry3::new(Vector3::new(2.0, -2.0, 2.0) * shift_m, Vector3::new(2.0, -2.0, 2.0) * turn_rad);
+    let options = MirrorViewOptions {
+        prior: Some((true_camera_from_board() * off, prior)),
+        ..MirrorViewOptions::default()
+    };
+    for (mirrors, unsure) in [(&CROSS[..1], 0.3), (&CROSS[..3], 0.2), (&CROSS[..], 0.15)] {
+        let pictures = pictures(mirrors, 0.15);
+        let seen = |std: f64, rng: &mut ChaCha8Rng| -> Vec<BoardView> {
+            let noisy_view = |pixels: &Vec<Vector2<f64>>| {
+                let pixels: Vec<_> = pixels.iter().map(|p| noisy(p, std, rng)).collect();
+                BoardView::complete(&board(), &pixels).unwrap()
+            };
+            pictures.iter().map(noisy_view).collect()
+        };
+        for _ in 0..5 {
+            let views = seen(TRUE_STD_PX, &mut rng);
+            let found = calibrate_from_mirror_views(&camera(), &board(), &views, &options).unwrap();
+            let ratio = found.corner_std_px / TRUE_STD_PX;
+            assert!((ratio - 1.0).abs() < unsure, "{} views: {ratio} of the true noise", mirrors.len());
+            if mirrors.len() == 5 {
+                let told = MirrorViewOptions { corner_std_px: Some(TRUE_STD_PX), ..options.clone() };
+                let told = calibrate_from_mirror_views(&camera(), &board(), &views, &told).unwrap();
+                let apart = difference(&told.camera_from_board, &found.camera_from_board);
+                assert!(apart.fixed_rows::<3>(3).norm() < 2e-4, "as with the noise given: {apart}");
+            }
+        }
+        // Corners without noise are no reason to fail.
+        let found = calibrate_from_mirror_views(&camera(), &board(), &seen(0.0, &mut rng), &options).unwrap();
+        assert!(found.corner_std_px < 1e-3, "{}", found.corner_std_px);
+    }
+}
+
 #[test]
 fn a_wrong_grid_is_refused_with_its_reason() {
     let mut rng = ChaCha8Rng::seed_from_u64(34);

@@ -71,6 +71,39 @@ fn a_rational_lens_ends_at_its_pole() {
     }
 }
 
+/// Decentred lenses fold nearer to the axis on one side: what is projected comes back, and what would not is refused.
+#[test]
+fn what_a_decentred_lens_projects_comes_back() {
+    for (lens, least) in [
+        (Distortion::PlumbBob([-0.35, 0.15, 1e-3, 1e-3, -0.03]), 0.9),
+        (Distortion::PlumbBob([-0.3, 0.0, -0.01, 0.004, 0.0]), 0.6),
+        (Distortion::PlumbBob([0.0, 0.0, 0.2, 0.0, 0.0]), 0.6),
+        (Distortion::RationalPolynomial([0.5, -0.2, 1e-3, -2e-3, 0.01, 0.9, -0.1, 0.02]), 0.85),
+    ] {
+        let camera = camera(lens);
+        let mut widest: f64 = 0.0;
+        for step in 1..1500 {
+            let angle = f64::from(step) * 1e-3;
+            for turn in 0..32 {
+                let around = f64::from(turn) * std::f64::consts::TAU / 32.0 + 0.05;
+                let ray = Vector3::new(angle.sin() * around.cos(), angle.sin() * around.sin(), angle.cos());
+                let Ok(pixel) = camera.project(&Point3::from(ray)) else { continue };
+                let back = camera.unproject(&pixel).unwrap().into_inner();
+                assert!(
+                    (back - ray).norm() < 1e-8,
+                    "{lens:?}: {angle} rad, {around}: off by {}",
+                    (back - ray).norm()
+                );
+                widest = widest.max(angle);
+            }
+        }
+        assert!(widest > least, "{lens:?}: only {widest} rad");
+    }
+    let folded = Vector3::new(-0.545_382_7, -0.631_456_3, 0.551_112);
+    let lens = camera(Distortion::PlumbBob([-0.35, 0.15, 1e-3, 1e-3, -0.03]));
+    assert!(lens.project(&Point3::from(folded)).is_err());
+}
+
 /// Pixel 0 is the middle of the first pixel: the picture reaches from −0.5 to its size less 0.5.
 #[test]
 fn a_picture_contains_its_outermost_pixels_to_their_edges() {

@@ -171,6 +171,45 @@ proptest! {
         }
     }
 
+    /// The same of the damped step, against all ways of holding joints at an end: `min ‖e − J x‖² + μ² ‖x‖²` within the limits.
+    #[test]
+    fn a_damped_limited_step_is_the_best_of_all_active_sets(
+        seed in 0_u64..1_000_000, joints in 1_usize..5, markers in 1_usize..3, room in 0.002_f64..0.2, mu in 0.01_f64..0.2,
+    ) {
+        let mut case = Case::random(seed, markers, joints);
+        case.covariance_m2 = vec![Matrix3::identity() * 1e-8; markers];
+        let mut rng = ChaCha8Rng::seed_from_u64(seed ^ 9);
+        for j in 0..joints {
+            case.lower[j] = case.positions[j] - rng.random_range(0.0..room);
+            case.upper[j] = case.positions[j] + rng.random_range(0.0..room);
+        }
+        let ends: Vec<[f64; 2]> = (0..joints)
+            .map(|j| [case.lower[j] - case.positions[j], case.upper[j] - case.positions[j]])
+            .collect();
+        let error = case.stacked_error();
+        let cost = |x: &DVector<f64>| (&error - &case.jacobian * x).norm_squared() + mu * mu * x.norm_squared();
+        let mut best = f64::INFINITY;
+        for set in 0..3_usize.pow(joints as u32) {
+            // 0: free; 1 and 2: at an end.
+            let held: Vec<usize> = (0..joints).map(|j| set / 3_usize.pow(j as u32) % 3).collect();
+            let mut x = DVector::from_fn(joints, |j, _| if held[j] == 0 { 0.0 } else { ends[j][held[j] - 1] });
+            let free: Vec<usize> = (0..joints).filter(|&j| held[j] == 0).collect();
+            let columns = case.jacobian.select_columns(&free);
+            let normal = columns.transpose() * &columns + DMatrix::identity(free.len(), free.len()) * mu * mu;
+            let right = columns.transpose() * (&error - &case.jacobian * &x);
+            if !free.is_empty() {
+                let moved = normal.lu().solve(&right).unwrap();
+                free.iter().zip(moved.iter()).for_each(|(&j, value)| x[j] = *value);
+            }
+            if (0..joints).all(|j| x[j] >= ends[j][0] - 1e-12 && x[j] <= ends[j][1] + 1e-12) {
+                best = best.min(cost(&x));
+            }
+        }
+        let options = StepOptions { damping: Damping::Fixed { mu_m_per_rad: mu }, ..plain(1.0) };
+        let got = cost(&DVector::from_vec(case.change(&options)));
+        prop_assert!(got <= best * (1.0 + 1e-9), "{got} > {best}");
+    }
+
     /// A marker whose covariance is huge has no say: it moves the step by at most w κ² of its size, where w = 1e-12 is
     /// the ratio of the weights and κ the condition of the other marker's Jacobian.
     #[test]
@@ -189,6 +228,27 @@ proptest! {
             prop_assert!((both[j] - alone[j]).abs() < 1e-3 * size);
         }
     }
+}
+
+/// Both joints are set to their limits first; the damping alone pulls the second one back inside: `x₂ = c·(e − b x₁) / (c·c + μ²)`.
+#[test]
+fn damping_takes_a_joint_off_its_limit() {
+    let (b, c) = (Vector3::new(-0.01, -0.15, -0.07), Vector3::new(0.04, 0.09, 0.02));
+    let (error, mu, ends) = (Vector3::new(0.03, 0.0, -0.02), 0.05, [0.08, 0.17]);
+    let case = Case {
+        jacobian: DMatrix::from_fn(3, 2, |row, column| [b, c][column][row]),
+        error_m: vec![error],
+        covariance_m2: vec![Matrix3::identity() * 1e-8],
+        positions: vec![0.0; 2],
+        lower: vec![-0.11, -0.08],
+        upper: ends.to_vec(),
+        free: vec![true; 2],
+    };
+    let options = StepOptions { damping: Damping::Fixed { mu_m_per_rad: mu }, ..plain(1.0) };
+    let change = case.change(&options);
+    let second = c.dot(&(error - b * ends[0])) / (c.dot(&c) + mu * mu);
+    assert!((change[0] - ends[0]).abs() < 1e-12 && (change[1] - second).abs() < 1e-9, "{change:?}, {second}");
+    assert!(second < ends[1] - 0.009);
 }
 
 #[test]

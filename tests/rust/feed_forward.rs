@@ -98,6 +98,67 @@ fn what_no_command_mends_is_refused() {
     assert_eq!(command[0], 3.0, "within the limit");
 }
 
+/// Errors that are together nearly as large as the motion: the command is still the one that the law takes to the goal.
+#[test]
+fn large_errors_of_one_joint_are_solved_too() {
+    for (share, sine, cosine) in
+        [(0.49, 0.45, 0.0), (0.35, 0.35, 0.29), (-0.49, -0.49, 0.0), (-0.49, 0.0, 0.49), (0.2, -0.3, -0.4)]
+    {
+        let errors = [
+            term(1, JointTerm::Share, share),
+            term(1, JointTerm::Sine, sine),
+            term(1, JointTerm::CosineLessOne, cosine),
+        ];
+        let ahead = ahead(&errors).unwrap();
+        for goal in [-0.6, -0.02, 0.0, 0.4, 0.6] {
+            let (mut way_point, mut q) = ([0.0; 2], [0.0; 2]);
+            ahead.commands(&[0.1, goal], &mut way_point, &mut q).unwrap();
+            let reached = q[1] * (1.0 + share) + sine * q[1].sin() + cosine * (q[1].cos() - 1.0);
+            let within = q[1].abs() < 3.0;
+            assert!(!within || (reached - goal).abs() < 1e-10, "{share} {sine} {cosine}: {q:?} for {goal}");
+            assert!(within || (reached - goal) * q[1] <= 0.0, "the nearer end: {q:?} for {goal}");
+        }
+    }
+}
+
+/// Two joints that drive each other by nearly all that their own errors leave: the error names one, and what to do.
+#[test]
+fn couplings_that_do_not_settle_are_told_with_their_joint() {
+    let errors = [0, 1].map(|joint| {
+        [
+            term(joint, JointTerm::Share, -0.3),
+            term(joint, JointTerm::Sine, -0.2099),
+            term(joint, JointTerm::Coupling, 0.49),
+            term(joint, JointTerm::Offset, 0.01),
+        ]
+    });
+    let (mut way_point, mut q) = ([0.0; 2], [0.0; 2]);
+    let told = ahead(&errors.concat()).unwrap().commands(&[0.001, 0.001], &mut way_point, &mut q);
+    let message = told.unwrap_err().to_string();
+    for words in ["shoulder", "0.9999", "couplings", "correct the model"] {
+        assert!(message.contains(words), "{message}");
+    }
+}
+
+/// A finger that follows the shoulder at twice its angle meets its own limit first.
+#[test]
+fn commands_keep_followers_within_their_limits() {
+    let finger = r#"<link name="finger"/><joint name="finger" type="revolute"><parent link="fore"/><child link="finger"/><axis xyz="0 1 0"/>
+      <mimic joint="shoulder" multiplier="-2" offset="0.2"/><limit lower="-1" upper="1.4" effort="1" velocity="1"/></joint></robot>"#;
+    let robot = Arc::new(Robot::from_urdf_str(&ARM.replace("</robot>", finger)).unwrap());
+    let errors = [term(0, JointTerm::Offset, -0.2), term(0, JointTerm::Play, 0.02)];
+    let ahead = FeedForward::new(robot, 0, Vector3::new(0.0, 0.0, -G), &errors).unwrap();
+    // -2 q + 0.2 within -1 and 1.4: q between -0.6 and 0.6.
+    for (goal, command, way_point) in [(0.55, 0.6, 0.6), (-0.9, -0.6, -0.56), (0.2, 0.39, 0.43)] {
+        let (mut over, mut q) = ([0.0; 2], [0.0; 2]);
+        ahead.commands(&[goal, 0.0], &mut over, &mut q).unwrap();
+        assert!(
+            (q[0] - command).abs() < 1e-12 && (over[0] - way_point).abs() < 1e-12,
+            "{goal}: {q:?} {over:?}"
+        );
+    }
+}
+
 #[test]
 fn a_robot_without_joints_has_no_commands() {
     let robot = Arc::new(Robot::from_urdf_str(r#"<robot name="stone"><link name="base"/></robot>"#).unwrap());

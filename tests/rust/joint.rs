@@ -1,7 +1,6 @@
 //! The joint estimator against simulated sessions (by formulas of its own) and against the single-view estimators.
 
 use crate::traced::{Eye, Glass, noisy};
-use mirror_core::Cancel;
 use mirror_core::camera::{Camera, Distortion};
 use mirror_core::geometry::Ray;
 use mirror_core::geometry::rotation::difference;
@@ -11,6 +10,7 @@ use mirror_core::joint::{
 use mirror_core::mirror::{
     Board, BoardView, EstimatorOptions, GlassPane, Loss, MirrorEstimator, MirrorOptics, Rig, virtual_ray,
 };
+use mirror_core::{Cancel, Error};
 use nalgebra::{Isometry3, Matrix3, Matrix6, Point3, UnitQuaternion, Vector2, Vector3, Vector6};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
@@ -308,6 +308,20 @@ fn a_head_that_turns_between_postures_is_followed() {
         );
     }
     assert!(joint.corner_rms_px.iter().all(|rms| *rms < 1.6 * NOISE_PX));
+}
+
+/// Markers stand still in the camera frame of one posture, so its head must too.
+#[test]
+fn a_head_that_turns_within_a_posture_is_refused() {
+    let mut rng = ChaCha8Rng::seed_from_u64(26);
+    let mut frames =
+        scene(&cross(0.15), &[vec![hand()], vec![hand()]]).frames(true_camera_from_board(), &mut rng);
+    let turned = Isometry3::rotation(Vector3::new(0.0, 0.01, 0.0));
+    frames[7].nominal_camera_from_board = turned * frames[7].nominal_camera_from_board;
+    let found = joint_estimate(&camera(), &board(), &[0.0], &frames, &options());
+    assert!(matches!(found, Err(Error::HeadMoved { posture: 1, by }) if by > 0.009), "{found:?}");
+    frames[7].posture = 2;
+    assert!(joint_estimate(&camera(), &board(), &[0.0], &frames, &options()).is_ok());
 }
 
 #[test]

@@ -8,6 +8,7 @@ mod calibrate;
 mod camera;
 mod correct;
 mod correct_loop;
+mod correct_stops;
 mod examples;
 mod feed_forward;
 mod fuzz_corpus;

@@ -47,8 +47,8 @@ fn errors_of_joints_are_another_posture() {
             });
         }
         for (held, link) in [(0, 12), (5, 9), (12, 3)] {
-            let told = robot.up_in_link(&sent, held, link, &GRAVITY, &errors).unwrap();
-            let asked = robot.up_in_link(&real, held, link, &GRAVITY, &[]).unwrap();
+            let told = robot.up_in_link(&sent, 2, held, link, &GRAVITY, &errors).unwrap();
+            let asked = robot.up_in_link(&real, 2, held, link, &GRAVITY, &[]).unwrap();
             for row in 0..2 {
                 assert_relative_eq!(told[row], asked[row], epsilon = 1e-12);
                 let poses = robot.poses(&real[row * width..(row + 1) * width]).unwrap();
@@ -66,12 +66,12 @@ fn bending_is_in_the_links_frame_after_the_turn() {
     let robot = Robot::from_urdf_str(text).unwrap();
     let (turn, bend) = (0.3, Vector3::new(0.2, -0.1, 0.0));
     let errors = [JointErrors { joint: 0, turn_rad: vec![turn], bend_rad: vec![bend] }];
-    let told = robot.up_in_link(&[0.4], 0, 1, &GRAVITY, &errors).unwrap();
+    let told = robot.up_in_link(&[0.4], 1, 0, 1, &GRAVITY, &errors).unwrap();
     let rotation = exp(&(Vector3::z() * (0.4 + turn))) * exp(&bend);
     assert_relative_eq!(told[0], rotation.inverse() * -GRAVITY.normalize(), epsilon = 1e-14);
-    assert!(robot.up_in_link(&[0.4], 0, 1, &Vector3::zeros(), &[]).is_err());
-    assert!(robot.up_in_link(&[0.4, 0.5], 0, 1, &GRAVITY, &errors).is_err());
-    assert!(robot.up_in_link(&[0.4], 0, 2, &GRAVITY, &[]).is_err());
+    assert!(robot.up_in_link(&[0.4], 1, 0, 1, &Vector3::zeros(), &[]).is_err());
+    assert!(robot.up_in_link(&[0.4, 0.5], 2, 0, 1, &GRAVITY, &errors).is_err());
+    assert!(robot.up_in_link(&[0.4], 1, 0, 2, &GRAVITY, &[]).is_err());
 }
 
 #[test]
@@ -81,12 +81,16 @@ fn a_mounting_is_taken_out_and_nothing_else() {
     let a: Vec<_> = (0..9).map(|_| any()).collect();
     let mounting = exp(&Vector3::new(0.5, -0.2, 0.1));
     let turned: Vec<_> = a.iter().map(|v| mounting * v).collect();
-    assert!(rms_angle(&a, &turned) > 0.2 && rms_angle_turned(&a, &turned) < 1e-7);
+    assert!(rms_angle(&a, &turned).unwrap() > 0.2 && rms_angle_turned(&a, &turned).unwrap() < 1e-7);
     // What is turned over is a reflection, which no mounting is.
     let over: Vec<_> = a.iter().map(|v| -v).collect();
-    assert!(rms_angle_turned(&a, &over) > 0.5);
+    assert!(rms_angle_turned(&a, &over).unwrap() > 0.5);
     let (x, y) = (vec![Vector3::x(); 2], vec![Vector3::x(), Vector3::y()]);
-    assert_relative_eq!(rms_angle(&x, &y), core::f64::consts::FRAC_PI_2 / 2.0_f64.sqrt(), epsilon = 1e-15);
+    assert_relative_eq!(
+        rms_angle(&x, &y).unwrap(),
+        core::f64::consts::FRAC_PI_2 / 2.0_f64.sqrt(),
+        epsilon = 1e-15
+    );
     let mirrored = nearest(&Matrix3::from_diagonal(&Vector3::new(3.0, 2.0, -1.0))).unwrap();
     assert_relative_eq!(mirrored, Matrix3::identity(), epsilon = 1e-14);
 }
@@ -104,10 +108,40 @@ fn a_sliding_joint_turns_nothing_and_errors_of_one_joint_add_up() {
         bend_rad: vec![Vector3::zeros()],
     };
     let link = robot.link_index("arm").unwrap();
-    let up = |errors: &[JointErrors]| robot.up_in_link(&[0.2, 0.1], 0, link, &GRAVITY, errors);
+    let up = |errors: &[JointErrors]| robot.up_in_link(&[0.2, 0.1], 1, 0, link, &GRAVITY, errors);
     assert_eq!(up(&[error("up", 0.3)]).unwrap(), up(&[]).unwrap());
     let (twice, once) =
         (up(&[error("turn", 0.1), error("turn", 0.2)]).unwrap(), up(&[error("turn", 0.3)]).unwrap());
     assert_relative_eq!(twice[0], once[0], epsilon = 1e-12);
     assert!(up(&[error("turn", f64::NAN)]).is_err());
+}
+
+#[test]
+fn vectors_without_a_partner_are_refused_and_none_have_no_angle() {
+    let a = [Vector3::x(), Vector3::y()];
+    for told in
+        [rms_angle(&a, &a[..1]), rms_angle_turned(&a, &a[..1]), rms_angle(&a, &[]), rms_angle(&[], &a)]
+    {
+        assert!(told.unwrap_err().to_string().contains("one for each of the first"));
+    }
+    for none in [rms_angle(&[], &[]), rms_angle_turned(&[], &[])] {
+        assert!(none.is_ok_and(|angle| angle == 0.0 && angle.is_sign_positive()));
+    }
+}
+
+/// A robot without joints has one direction whatever the number of postures; a row that is cut short is an error.
+#[test]
+fn postures_are_counted_by_the_caller() {
+    let urdf = r#"<robot name="stone"><link name="base"/><link name="top"/>
+      <joint name="glue" type="fixed"><parent link="base"/><child link="top"/><origin rpy="0.4 0 0"/></joint></robot>"#;
+    let stone = Robot::from_urdf_str(urdf).unwrap();
+    let up = stone.up_in_link(&[], 3, 0, 1, &GRAVITY, &[]).unwrap();
+    let expected = exp(&(Vector3::x() * 0.4)).inverse() * -GRAVITY.normalize();
+    assert_eq!(up.len(), 3);
+    up.iter().for_each(|u| assert_relative_eq!(*u, expected, epsilon = 1e-14));
+    assert!(stone.up_in_link(&[], 0, 0, 1, &GRAVITY, &[]).unwrap().is_empty());
+    let arm = Robot::from_urdf_str(&random_urdf(1, 4)).unwrap();
+    let cut = vec![0.0; 2 * arm.position_count() - 1];
+    let told = arm.up_in_link(&cut, 2, 0, 1, &GRAVITY, &[]).unwrap_err().to_string();
+    assert!(told.contains(&format!("got {}, needed {}", cut.len(), cut.len() + 1)), "{told}");
 }

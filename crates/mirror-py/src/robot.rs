@@ -301,7 +301,8 @@ impl PyRobot {
                 })
             })
             .collect::<PyResult<Vec<_>>>()?;
-        let up = py.detach(|| self.inner.up_in_link(&q, held, link, &gravity, &errors)).map_err(to_py)?;
+        let up =
+            py.detach(|| self.inner.up_in_link(&q, count, held, link, &gravity, &errors)).map_err(to_py)?;
         reshaped(py, up.iter().flat_map(|u| [u.x, u.y, u.z]).collect(), [count, 3])
     }
 
@@ -315,9 +316,11 @@ impl PyRobot {
     }
 }
 
-/// RMS angle (rad) between unit vectors (N, 3) in pairs, and that with the first turned by one rotation to the second.
+/// RMS angle (rad) between unit vectors (N, 3) in pairs, and that with the first turned by one rotation to the second; 0 for none.
 #[pyfunction]
 pub fn rms_angles(a: Array2Like<'_>, b: Array2Like<'_>) -> PyResult<(f64, f64)> {
     let (a, b) = (triples("a", &a)?, triples("b", &b)?);
-    Ok((directions::rms_angle(&a, &b), directions::rms_angle_turned(&a, &b)))
+    let both =
+        directions::rms_angle(&a, &b).and_then(|as_is| Ok((as_is, directions::rms_angle_turned(&a, &b)?)));
+    both.map_err(to_py)
 }

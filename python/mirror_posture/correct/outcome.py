@@ -213,7 +213,8 @@ def _limit(e: Mapping[str, Any]) -> str:
 
 
 def _budget(e: Mapping[str, Any]) -> str:
-    return f"budget spent: {counted(e['looks'], 'look')}; {_list_mm(e['distance_m'])} are left"
+    left = f"{_list_mm(e['distance_m'])} are left" if e["distance_m"] else "none was accepted"
+    return f"budget spent: {counted(e['looks'], 'look')}; {left}"
 
 
 def _interrupted(e: Mapping[str, Any]) -> str:

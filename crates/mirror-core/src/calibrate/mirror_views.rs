@@ -6,7 +6,7 @@ use crate::camera::Camera;
 use crate::cancel::Cancel;
 use crate::error::{Error, Result, positive};
 use crate::geometry::Plane;
-use crate::joint::{BoardPrior, JointFrame, JointOptions, joint_estimate};
+use crate::joint::{BoardPrior, JointEstimate, JointFrame, JointOptions, joint_estimate};
 use crate::mirror::{Board, BoardView, EstimatorOptions, Loss, MirrorOptics, PlanarPose, planar_pose};
 use nalgebra::{Isometry3, Matrix3, Matrix6, Point3};
 use rayon::prelude::*;
@@ -20,13 +20,19 @@ const GATE_PX: f64 = 1.0;
 const HOLDING_STD: (f64, f64) = (0.3, 0.3);
 /// Corners computed without noise leave nothing: their deviation is then taken as this, px.
 const LEAST_STD_PX: f64 = 1e-9;
+/// The same beside a prior, against which corners without noise would weigh so much that nothing of it is left in the last digits.
+const LEAST_STD_BESIDE_PRIOR_PX: f64 = 1e-6;
+/// Rounds of noise and fit in turn beside a prior.
+const NOISE_ROUNDS: usize = 20;
+/// The noise is settled when it changes by less than this share, which is far below its own uncertainty.
+const NOISE_SETTLED: f64 = 1e-3;
 
 /// What the calibration from mirror views assumes.
 #[derive(Debug, Clone, PartialEq)]
 pub struct MirrorViewOptions {
     /// Glass and curvature of the mirrors.
     pub optics: MirrorOptics,
-    /// Standard deviation of a corner along one axis, px; `None`: estimated from the residual.
+    /// Standard deviation of a corner along one axis, px; `None`: estimated from the corners' residuals alone, whatever the prior.
     pub corner_std_px: Option<f64>,
     /// How residuals count.
     pub loss: Loss,
@@ -119,6 +125,29 @@ fn gated(camera: &Camera, view: &BoardView, gate_px: f64) -> Result<PlanarPose> 
     Ok(pose)
 }
 
+/// Standard deviation of a corner by the views' own best poses, px: no transform has a part in it, so no prior either.
+fn free_std_px(views: &[&BoardView], poses: &[&PlanarPose]) -> f64 {
+    let counted = views.iter().zip(poses).map(|(view, pose)| (view.corners().len() as f64, pose.rms_px));
+    let (squares, free) = counted.fold((0.0, 0.0), |(squares, free), (corners, rms)| {
+        (squares + corners * rms * rms, free + 2.0 * corners - 6.0)
+    });
+    (squares / free.max(1.0)).sqrt()
+}
+
+/// Standard deviation of a corner by the residuals of a fit under a prior, px: `√(Σ r² / (2 n − unknowns))`.
+///
+/// Unknowns are three for each mirror, and of the transform's six as many as the views decide: `6 − tr(Σ₀⁻¹ Σ)`.
+fn fitted_std_px(found: &JointEstimate, views: &[&BoardView], prior: &Matrix6<f64>) -> Option<f64> {
+    let told_by_prior = (prior.cholesky()?.inverse() * found.camera_from_board_covariance).trace();
+    let (mut squares, mut free) = (0.0, told_by_prior.clamp(0.0, 6.0) - 6.0);
+    for (view, rms) in views.iter().zip(&found.corner_rms_px) {
+        let corners = view.corners().len() as f64;
+        squares += corners * rms * rms;
+        free += 2.0 * corners - 3.0;
+    }
+    Some((squares / free.max(1.0)).sqrt())
+}
+
 /// Calibrates the camera–board transform from three or more mirror poses: no second camera, the mirror free-standing.
 ///
 /// Closed form from the reflected board's poses, then all corners of all views at once (the joint estimator without markers):
@@ -192,9 +221,24 @@ pub fn calibrate_from_mirror_views(
         }
         other => other,
     };
-    let (found, corner_std_px) = match options.corner_std_px {
-        Some(std) => (adjust(positive("standard deviation of a corner (px)", std)?, options.loss)?, std),
-        None => {
+    let (found, corner_std_px) = match (options.corner_std_px, &options.prior) {
+        (Some(std), _) => (adjust(positive("standard deviation of a corner (px)", std)?, options.loss)?, std),
+        (None, Some((_, prior))) => {
+            // From below: at too large a noise the prior would hold the transform, and the residual would confirm that noise.
+            let mut std = free_std_px(&used_views, &used_poses).max(LEAST_STD_BESIDE_PRIOR_PX);
+            for _ in 0..NOISE_ROUNDS {
+                let plain = adjust(std, Loss::Squared)?;
+                let Some(next) = fitted_std_px(&plain, &used_views, prior) else { break };
+                let next = next.max(LEAST_STD_BESIDE_PRIOR_PX);
+                let settled = (next - std).abs() <= NOISE_SETTLED * std;
+                std = next;
+                if settled {
+                    break;
+                }
+            }
+            (adjust(std, options.loss)?, std)
+        }
+        (None, None) => {
             // With σ = 1 px, χ² is the sum of squares.
             let plain = adjust(1.0, Loss::Squared)?;
             let std = (plain.chi_squared / plain.degrees_of_freedom.max(1) as f64).sqrt();

@@ -115,7 +115,11 @@ impl Lens {
         let divided = target
             * ((1.0 + s * (k[5] + s * (k[6] + s * k[7]))) / (1.0 + s * (k[0] + s * (k[1] + s * k[4]))));
         let inside = divided.norm_squared() <= self.one_to_one_limit && divided.dot(target) > 0.0;
-        if inside { divided } else { *target }
+        if inside {
+            return divided;
+        }
+        // Newton's steps begin inside the one-to-one region, since they stay there.
+        if s <= self.one_to_one_limit { *target } else { target * (self.one_to_one_limit / s).sqrt() }
     }
 }
 
@@ -182,8 +186,22 @@ const WIDEST_TANGENT: f64 = 5.67;
 /// Steps of that search.
 const FOLD_STEPS: usize = 1134;
 
-/// The square of the largest `ρ` up to which the radial part `ρ c(ρ²)` rises: beyond it two rays share a pixel.
+/// The least determinant of the Jacobian at a distance ρ from the axis, over all directions.
+///
+/// In the directions along and across the radius the radial part is `diag(a, c)`, `a = d(ρ c)/dρ`, and the tangential part, with
+/// `m = ρ |(p1, p2)|` and ψ the angle between the radius and `(p2, p1)`, is `m [[6 cos ψ, 2 sin ψ], [2 sin ψ, 2 cos ψ]]`. Hence
+/// `det = 16 m² cos²ψ + 2 m (a + 3 c) cos ψ + a c − 4 m²`, least at `cos ψ = −(a + 3 c) / 16 m`, or at −1 where that lies below.
+fn least_determinant(a: f64, c: f64, m: f64) -> f64 {
+    let slope = a + 3.0 * c;
+    if slope >= 16.0 * m { (a - 6.0 * m) * (c - 2.0 * m) } else { a * c - 4.0 * m * m - slope * slope / 16.0 }
+}
+
+/// The square of the largest `ρ` up to which the lens is one-to-one: beyond it two rays share a pixel.
+///
+/// The Jacobian is symmetric, so the distortion is a gradient; on a disc, which is convex, in which its determinant stays above 0 it is
+/// positive definite, and no two points have the same image. Without tangential terms that is where the radial part `ρ c(ρ²)` ceases to rise.
 fn one_to_one_limit(k: &[f64; COEFFICIENTS]) -> f64 {
+    let tangential = k[2].hypot(k[3]);
     let step = WIDEST_TANGENT / FOLD_STEPS as f64;
     for i in 1..=FOLD_STEPS {
         let rho = i as f64 * step;
@@ -194,7 +212,12 @@ fn one_to_one_limit(k: &[f64; COEFFICIENTS]) -> f64 {
         let dd = k[5] + s * (2.0 * k[6] + s * 3.0 * k[7]);
         // d(ρ c)/dρ = c + 2 s dc/ds
         let rising = numerator * denominator + 2.0 * s * (dn * denominator - numerator * dd);
-        if denominator <= 0.0 || rising <= 0.0 {
+        let least = least_determinant(
+            rising / (denominator * denominator),
+            numerator / denominator,
+            rho * tangential,
+        );
+        if denominator <= 0.0 || rising <= 0.0 || least <= 0.0 {
             let inside = rho - step;
             return inside * inside;
         }

@@ -1,11 +1,13 @@
 //! Feed-forward: the command that reaches a wanted posture at the first attempt, from the known laws of the joints.
 //!
 //! Given θ, sought q with `θ = q + a + e q + s sin q + c (cos q − 1) + k τ(θ) + Σ κ_K q_K ± h`, h half the play or
-//! the dead band. The torque is that of the wanted posture, which is known, so q follows from the fixed point `q ← θ
-//! − error(q)`, joint by joint (Gauss–Seidel), which contracts where the shares are small. A play, and a servo with
+//! the dead band. The torque is that of the wanted posture, which is known, so q follows joint by joint: each law
+//! rises with its own command, so Newton's steps within a bracket solve it; the couplings are settled by rounds over all joints
+//! (Gauss–Seidel), which contract where the shares are small. A play, and a servo with
 //! stiction, leave a joint on the side from which it came: it is moved there over a way-point beyond the goal, on
 //! the side on which its load holds it.
 
+use super::limits::position_limits;
 use crate::error::{Error, Result, finite, not_negative};
 use crate::robot::{JointTerm, Robot};
 use nalgebra::Vector3;
@@ -16,11 +18,13 @@ use std::sync::Arc;
 const BEYOND: f64 = 2.0;
 /// And this far at least, rad (m).
 const LEAST_BEYOND_RAD: f64 = 0.02;
-/// Upper limit of a share of its own or another's position: beyond it the fixed point would not contract quickly.
+/// Upper limit of a share of its own or another's position: beyond it no command can mend the error.
 const LARGEST_SHARE: f64 = 0.5;
-/// The fixed point has then converged by `0.5⁶⁰`.
-const ROUNDS: usize = 60;
-/// rad (m): commands that change less from round to round are found.
+/// Rounds over all joints. Laws without couplings need two; only couplings nearly as large as all motion need more than this.
+const ROUNDS: usize = 1000;
+/// Steps within one joint's law: each halves what is left or the bracket, so this is beyond a double's digits.
+const STEPS: usize = 128;
+/// rad (m): commands that change less from step to step are found.
 const SETTLED_RAD: f64 = 1e-12;
 
 /// One known term of a joint's law.
@@ -50,16 +54,44 @@ struct Law {
 }
 
 impl Law {
-    fn error(&self, command: &[f64], torque: f64, side: f64) -> f64 {
-        let q = command[self.position];
+    /// The part of the error that does not depend on the joint's own command.
+    fn rest(&self, command: &[f64], torque: f64, side: f64) -> f64 {
         let coupled: f64 = self.coupled.iter().map(|(k, share)| share * command[*k]).sum();
-        self.offset
-            + self.share * q
-            + self.sine * q.sin()
-            + self.cosine * (q.cos() - 1.0)
-            + self.compliance * torque
-            + coupled
-            + side * self.half_play
+        self.offset + self.compliance * torque + coupled + side * self.half_play
+    }
+
+    /// Where the joint stands by its own terms alone, and how that rises with its command: by 1 less the shares at least.
+    fn own(&self, q: f64) -> (f64, f64) {
+        let (sine, cosine) = q.sin_cos();
+        let at = q + self.share * q + self.sine * sine + self.cosine * (cosine - 1.0);
+        (at, 1.0 + self.share + self.sine * cosine - self.cosine * sine)
+    }
+
+    /// The command at which the own terms give `target`.
+    fn command(&self, target: f64) -> f64 {
+        let bent = self.sine.abs() + 2.0 * self.cosine.abs();
+        let (mut low, mut high) =
+            ((target - bent) / (1.0 + self.share), (target + bent) / (1.0 + self.share));
+        let (mut q, mut last) = (0.5 * (low + high), f64::INFINITY);
+        for _ in 0..STEPS {
+            let (at, rise) = self.own(q);
+            let off = at - target;
+            if off > 0.0 {
+                high = q;
+            } else {
+                low = q;
+            }
+            let newton = q - off / rise;
+            let trusted = newton >= low && newton <= high && off.abs() <= 0.5 * last;
+            let next = if trusted { newton } else { 0.5 * (low + high) };
+            last = off.abs();
+            let step = (next - q).abs();
+            q = next;
+            if step <= settled(q) {
+                break;
+            }
+        }
+        q
     }
 
     /// By how much at most the error changes with the commands, per change of these.
@@ -119,6 +151,7 @@ pub struct FeedForward {
     held_link: usize,
     gravity_in_held_link_m_per_s2: Vector3<f64>,
     laws: Vec<Law>,
+    limits: Vec<(f64, f64)>,
 }
 
 impl FeedForward {
@@ -152,7 +185,7 @@ impl FeedForward {
             });
             laws[at].add(error)?;
         }
-        // Below 1 the iteration contracts, whatever the couplings' chain.
+        // Below 1 each law rises with its command, and the rounds contract, whatever the couplings' chain.
         if let Some(law) = laws.iter().find(|law| law.shares() >= 1.0) {
             return Err(Error::OutOfRange {
                 what: format!(
@@ -163,7 +196,8 @@ impl FeedForward {
                 needed: "less than 1: what is larger is no small error that a command can mend".into(),
             });
         }
-        Ok(Self { robot, held_link, gravity_in_held_link_m_per_s2, laws })
+        let limits = position_limits(&robot);
+        Ok(Self { robot, held_link, gravity_in_held_link_m_per_s2, laws, limits })
     }
 
     /// Whether some joint is brought to its place over a way-point.
@@ -177,10 +211,11 @@ impl FeedForward {
     }
 
     /// Commands (N, nq) that end in the wanted postures (N, nq), rad (m), and the way-points before them, which equal the commands at
-    /// joints without play. All within the joints' limits.
+    /// joints without play. All within the limits of the joints and of those that follow them (mimic).
     ///
     /// # Errors
-    /// Arrays whose lengths differ or are no multiple of nq, positions that are not finite.
+    /// Arrays whose lengths differ or are no multiple of nq, positions that are not finite; [`Error::OutOfRange`] by the joint's name
+    /// where couplings, with the joints' own errors nearly as large as all motion, do not settle in 1000 rounds.
     pub fn commands(&self, wanted: &[f64], way_points: &mut [f64], commands: &mut [f64]) -> Result<()> {
         let count = self.robot.position_count();
         for (what, got) in [("way-points", way_points.len()), ("commands", commands.len())] {
@@ -212,35 +247,47 @@ impl FeedForward {
     }
 
     fn solve(&self, wanted: &[f64], torque: &[f64], command: &mut [f64]) -> Result<()> {
-        let mut change = 0.0_f64;
+        let mut moving: Option<(&Law, f64)> = None;
         for _ in 0..ROUNDS {
-            change = 0.0;
+            moving = None;
             // Sequentially, so that a coupled joint sees its driver's command, not its wanted position.
             for law in &self.laws {
                 let p = law.position;
-                let next = self.within(p, wanted[p] - law.error(command, torque[p], side(torque[p])));
-                change = change.max((next - command[p]).abs());
+                let target = wanted[p] - law.rest(command, torque[p], side(torque[p]));
+                let next = self.within(p, law.command(target));
+                let change = (next - command[p]).abs();
+                if change > settled(next) && moving.is_none_or(|(_, most)| change > most) {
+                    moving = Some((law, change));
+                }
                 command[p] = next;
             }
-            if change < SETTLED_RAD {
+            if moving.is_none() {
                 return Ok(());
             }
         }
-        Err(Error::NotConverged {
-            what: "feed-forward",
-            steps: ROUNDS,
-            last_step: change,
-            needed: SETTLED_RAD,
+        let Some((law, got)) = moving else { return Ok(()) };
+        let name = self.robot.position_names().nth(law.position).unwrap_or_default();
+        Err(Error::OutOfRange {
+            what: format!("change of the command of joint {name:?} in round {ROUNDS} (rad or m)"),
+            got,
+            needed: format!(
+                "at most {:e}: its errors and couplings are together {:.4} of its motion, which no command can mend; correct the \
+                 model of this joint, or leave out its coupling",
+                settled(command[law.position]),
+                law.shares()
+            ),
         })
     }
 
     fn within(&self, position: usize, value: f64) -> f64 {
-        let joint = self.robot.position_joints()[position];
-        match self.robot.joints()[joint].limits {
-            Some(limits) => value.max(limits.lower).min(limits.upper),
-            None => value,
-        }
+        let (lower, upper) = self.limits[position];
+        value.max(lower).min(upper)
     }
+}
+
+/// A command that changes by no more than this is found, rad (m): far out a double has fewer digits.
+fn settled(command: f64) -> f64 {
+    SETTLED_RAD.max(8.0 * f64::EPSILON * command.abs())
 }
 
 /// Side of its play on which the joint must rest: +1 if its load pushes it up; then it comes from above.

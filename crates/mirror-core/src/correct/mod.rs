@@ -10,6 +10,7 @@
 //! | `bounds` | upper bound of a marker's true distance from its target |
 //! | `plausible` | whether a reading is plausible after what was commanded |
 //! | `response` | how far each joint followed its commands |
+//! | `limits` | how far each position may go, followers counted |
 //! | `stop` | why a correction ends, with the evidence |
 //! | `feed_forward` | the first command, compensated for what a diagnosis found |
 //! | `corrector` | the state of one correction: readings in, a decision out |
@@ -24,6 +25,7 @@ mod damping;
 mod feed_forward;
 mod jacobian;
 mod judge;
+mod limits;
 mod options;
 mod plausible;
 mod response;

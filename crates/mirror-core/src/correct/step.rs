@@ -151,7 +151,7 @@ pub fn correction_step<'w>(
             workspace.at_limit[joint] = true;
             continue;
         }
-        match to_release(problem, rows, workspace) {
+        match to_release(problem, rows, chosen, workspace) {
             Some(joint) => {
                 workspace.at_limit[joint] = false;
                 workspace.change[joint] = 0.0;
@@ -345,8 +345,8 @@ fn room(p: &StepProblem<'_>, joint: usize) -> (f64, f64) {
     ((p.lower[joint] - p.positions[joint]).min(0.0), (p.upper[joint] - p.positions[joint]).max(0.0))
 }
 
-/// A joint at a limit that would now move back inside, by the sign of its multiplier.
-fn to_release(p: &StepProblem<'_>, rows: usize, w: &mut StepWorkspace) -> Option<usize> {
+/// A joint at a limit that would now move back inside, by the sign of its multiplier: `Jᵀ r − μ² Δθ` of the damped problem, r what is left.
+fn to_release(p: &StepProblem<'_>, rows: usize, mu: f64, w: &mut StepWorkspace) -> Option<usize> {
     if !w.at_limit.iter().any(|&at| at) {
         return None;
     }
@@ -361,9 +361,9 @@ fn to_release(p: &StepProblem<'_>, rows: usize, w: &mut StepWorkspace) -> Option
         if !w.at_limit[joint] {
             continue;
         }
-        let pull: f64 =
-            w.columns[k * rows..(k + 1) * rows].iter().zip(&w.remaining[..rows]).map(|(x, y)| x * y).sum();
         let ((least, most), change) = (room(p, joint), w.change[joint]);
+        let column = w.columns[k * rows..(k + 1) * rows].iter();
+        let pull = column.zip(&w.remaining[..rows]).map(|(x, y)| x * y).sum::<f64>() - mu * mu * change;
         if (change <= least && change < most && pull > 0.0)
             || (change >= most && change > least && pull < 0.0)
         {

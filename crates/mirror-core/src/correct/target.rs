@@ -1,5 +1,6 @@
 //! The target of a correction: the markers of a posture, and the joints that may move for it.
 
+use super::limits::position_limits;
 use crate::error::{Error, Result};
 use crate::robot::Robot;
 use nalgebra::{Point3, Vector3};
@@ -106,20 +107,4 @@ impl Target {
     pub fn free(&self) -> &[bool] {
         &self.free
     }
-}
-
-/// The range of each position, rad (m): that of its own joint and of all that follow it.
-fn position_limits(robot: &Robot) -> Vec<(f64, f64)> {
-    let mut limits = vec![(f64::NEG_INFINITY, f64::INFINITY); robot.position_count()];
-    for joint in robot.joints() {
-        let (Some(drive), Some(own)) = (joint.drive, joint.limits) else { continue };
-        if drive.multiplier == 0.0 {
-            continue;
-        }
-        let ends = [own.lower, own.upper].map(|end| (end - drive.offset) / drive.multiplier);
-        let (lower, upper) = &mut limits[drive.position];
-        *lower = lower.max(ends[0].min(ends[1]));
-        *upper = upper.min(ends[0].max(ends[1]));
-    }
-    limits
 }

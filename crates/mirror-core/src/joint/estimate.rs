@@ -389,8 +389,8 @@ pub(crate) fn adjust(
 /// `marker_diameters_m` has one entry for each marker, 0 for an ideal point.
 ///
 /// # Errors
-/// [`Error::Undetermined`] where the views cannot show the transform and no prior does; [`Error::NotConverged`]; and all of the
-/// single-view estimator, of the frame that it fails for.
+/// [`Error::HeadMoved`] where the camera moved against the board between the views of one posture; [`Error::Undetermined`] where the views
+/// cannot show the transform and no prior does; [`Error::NotConverged`]; and all of the single-view estimator, of the frame that it fails for.
 pub fn joint_estimate(
     camera: &Camera,
     board: &Board,

@@ -30,6 +30,22 @@ pub struct JointFrame {
     pub markers: Vec<MarkerSighting>,
 }
 
+/// Camera–board transforms of one posture's views that differ by more than this (matrix elements; m, or rad) belong to a head that moved.
+const SAME_HEAD: f64 = 1e-6;
+
+impl JointFrame {
+    /// Refuses a view of the same posture in which the model has the head elsewhere: markers would not stand still in the camera frame.
+    pub(crate) fn check_same_head(&self, other: &Self) -> Result<()> {
+        let moved = other.nominal_camera_from_board.to_homogeneous()
+            - self.nominal_camera_from_board.to_homogeneous();
+        // Written so that NaN fails the test.
+        if moved.amax() <= SAME_HEAD {
+            return Ok(());
+        }
+        Err(Error::HeadMoved { posture: other.posture, by: moved.amax() })
+    }
+}
+
 /// The prior knowledge of the camera–board transform.
 // One for each session, so its size does not matter; it can be copied.
 #[allow(clippy::large_enum_variant)]
@@ -170,11 +186,14 @@ impl Layout {
         let mut postures: Vec<i64> = frames.iter().map(|f| f.posture).collect();
         postures.sort_unstable();
         postures.dedup();
-        let mut frames_of = vec![Vec::new(); postures.len()];
+        let mut frames_of: Vec<Vec<usize>> = vec![Vec::new(); postures.len()];
         let mut slots: Vec<Vec<PointView>> = Vec::new();
         slots.resize_with(postures.len() * marker_count, Vec::new);
         for (index, frame) in frames.iter().enumerate() {
             let group = postures.partition_point(|p| *p < frame.posture);
+            if let Some(&first) = frames_of[group].first() {
+                frames[first].check_same_head(frame)?;
+            }
             frames_of[group].push(index);
             for sight in &frame.markers {
                 if sight.marker >= marker_count {

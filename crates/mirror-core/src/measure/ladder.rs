@@ -11,9 +11,6 @@ use crate::triangulate::{
 use nalgebra::{Point3, Vector2};
 use rayon::prelude::*;
 
-/// Camera–board transforms of one posture's views that differ by more than this (matrix elements; m, or rad) belong to a head that moved.
-const SAME_HEAD: f64 = 1e-6;
-
 /// A marker of a posture: its position, or the reason why it is unknown.
 #[derive(Debug, Clone, PartialEq)]
 pub struct MeasuredMarker {
@@ -100,11 +97,7 @@ fn group(frames: &[JointFrame], marker_count: usize) -> Result<Vec<(i64, usize, 
         slots.resize_with(marker_count, Vec::new);
         for &index in views {
             let frame = &frames[index];
-            let moved = frame.nominal_camera_from_board.to_homogeneous()
-                - first.nominal_camera_from_board.to_homogeneous();
-            if !(moved.amax() <= SAME_HEAD) {
-                return Err(Error::HeadMoved { posture: frame.posture, by: moved.amax() });
-            }
+            first.check_same_head(frame)?;
             for sight in frame.markers.iter().filter(|sight| sight.via == Via::Mirror) {
                 let slot = slots.get_mut(sight.marker).ok_or_else(|| Error::OutOfRange {
                     what: format!("marker of frame {index}"),

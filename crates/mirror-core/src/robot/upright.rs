@@ -27,16 +27,19 @@ pub struct JointErrors {
 }
 
 impl Robot {
-    /// The direction of −g in a link's frame, a unit vector for each posture of `q` (row after row).
+    /// The direction of −g in a link's frame, a unit vector for each of N postures.
     ///
+    /// `q` has the positions of `postures` postures, (N, nq), row after row: without movable joints it is empty whatever N is.
     /// `gravity_in_held_link` may have any length but zero. Errors of joints between `held_link` and the robot's root count like those on the
     /// way to the link; all others do not.
     ///
     /// # Errors
-    /// An index that is no link or joint, a wrong length, gravity of no length, an entry that is not finite.
+    /// An index that is no link or joint, positions of another number of postures, errors of another length, gravity of no length, an
+    /// entry that is not finite.
     pub fn up_in_link(
         &self,
         q: &[f64],
+        postures: usize,
         held_link: usize,
         link: usize,
         gravity_in_held_link: &Vector3<f64>,
@@ -44,8 +47,14 @@ impl Robot {
     ) -> Result<Vec<Vector3<f64>>> {
         let gravity = gravity_in_held_link / positive("length of gravity", gravity_in_held_link.norm())?;
         let chain = self.chain(held_link, link)?;
-        let width = self.position_count().max(1);
-        let count = q.len() / width;
+        let width = self.position_count();
+        if q.len() != postures.saturating_mul(width) {
+            return Err(Error::LengthMismatch {
+                what: format!("positions ({postures}, {width}) of robot {:?}", self.name),
+                got: q.len(),
+                needed: postures.saturating_mul(width),
+            });
+        }
         for error in errors {
             let joint = self.joints.get(error.joint).ok_or_else(|| Error::OutOfRange {
                 what: "joint of an error".to_owned(),
@@ -55,11 +64,11 @@ impl Robot {
             let got = error.turn_rad.len().min(error.bend_rad.len());
             let turns = error.turn_rad.iter().chain(error.bend_rad.iter().flatten());
             turns.copied().try_for_each(|v| finite("rotation error of a joint (rad)", v).map(drop))?;
-            if got != count || error.turn_rad.len() != error.bend_rad.len() {
+            if got != postures || error.turn_rad.len() != error.bend_rad.len() {
                 return Err(Error::LengthMismatch {
                     what: format!("errors of joint {:?} (one a posture)", joint.name),
                     got,
-                    needed: count,
+                    needed: postures,
                 });
             }
         }
@@ -76,7 +85,7 @@ impl Robot {
             let down = self.turned(&poses, held_link, &to_held, row) * gravity;
             Ok(-(self.turned(&poses, link, &to_link, row).transpose() * down))
         };
-        (0..count).map(each).collect()
+        (0..postures).map(each).collect()
     }
 
     /// A link's rotation in the root's frame, with the errors on the way to it.

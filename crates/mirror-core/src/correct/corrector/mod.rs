@@ -209,7 +209,7 @@ impl Corrector {
         } else {
             self.fail(readings, doubts)
         };
-        let decision = self.within_budget(decision, look, &markers);
+        let decision = self.within_budget(decision, look);
         match &decision {
             Decision::Step { command, .. } => {
                 self.command.clone_from(command);
@@ -363,15 +363,17 @@ impl Corrector {
     }
 
     /// The decision, or the end if it would need more looks than allowed.
-    fn within_budget(&self, decision: Decision, look: usize, markers: &[MarkerError]) -> Decision {
+    fn within_budget(&self, decision: Decision, look: usize) -> Decision {
         if look < self.options.judge.looks || matches!(decision, Decision::Stop { .. }) {
             return decision;
         }
-        let distance = |m: &MarkerError| m.error_m.map(|e| Vector3::from(e).norm());
+        // A look that was rejected tells nothing of where the markers are.
+        let points = self.last.iter().flat_map(|last| &last.point_m);
+        let distances = points.zip(&self.target.point_in_frame_m).map(|(at, target)| (target - at).norm());
         Decision::Stop {
             stop: Stop::BudgetSpent(BudgetSpent {
                 looks: look,
-                distance_m: markers.iter().filter_map(distance).collect(),
+                distance_m: distances.collect(),
                 history_m: self.history_m.clone(),
             }),
         }

@@ -63,7 +63,9 @@ impl Corrector {
         let names: Vec<&str> = self.target.robot.position_names().collect();
         let hit = |j: usize| {
             let at = self.command[j] + reach.change[j];
-            let upper = free.change[j] > 0.0;
+            // The end at which it rests; the unlimited step may lead away from it, since the other joints are then elsewhere.
+            let (to_lower, to_upper) = ((at - self.lower[j]).abs(), (self.upper[j] - at).abs());
+            let upper = if to_lower == to_upper { free.change[j] > 0.0 } else { to_upper < to_lower };
             let (limit_rad, model) = if upper {
                 (self.upper[j], self.target.limits[j].1)
             } else {
