@@ -126,6 +126,19 @@ fn a_zero_that_is_lost_in_the_middle_is_no_drift_and_is_told_from_its_row_on() {
 }
 
 #[test]
+fn a_zero_that_is_lost_beside_a_cause_is_no_drift_of_its_joint() {
+    let world = World::new(4, true);
+    let wrong = vec![Wrong::Offset(world.bone("r_shoulder_yaw"), 0.06)];
+    let mut recording = world.record(&Plan { postures: 61, seed: 13, wrong, ..Plan::default() });
+    let (joint, first) = (column(&world, "l_elbow"), recording.frames.len() / 2);
+    recording.frames[first..].iter_mut().for_each(|f| f.commanded[joint] += 0.1);
+    let told = diagnosed(&world, &recording);
+    let named: Vec<&str> = told.causes.iter().map(|c| c.effect.as_str()).collect();
+    assert_eq!(named, ["joint_offset"], "{:?} {:#?}", told.causes, told.trace);
+    assert_eq!(told.r#where[0].at, "joint:l_elbow", "{:?}", told.r#where);
+}
+
+#[test]
 fn what_has_a_word_is_told_by_it() {
     let world = World::new(4, true);
     // What has a word is told by it, although free positions would leave as little.

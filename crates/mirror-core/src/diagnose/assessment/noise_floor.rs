@@ -139,7 +139,7 @@ pub(crate) fn is_no_noise(measured: Noise, stated: Noise, reach_m: f64) -> bool 
     let far = |one: f64, usual: f64| (one / usual).ln() > FAR_DEVIATIONS * STATED_LOG_STD;
     far(measured.marker_px, measured.corner_px.max(stated.marker_px))
         || far(measured.corner_px, stated.corner_px)
-        || measured.point_m > SHARE_OF_REACH * reach_m
+        || (reach_m > 0.0 && measured.point_m > SHARE_OF_REACH * reach_m)
 }
 
 /// Effective number of fitted parameters: of one with a prior, the share that the data determine.

@@ -10,6 +10,8 @@ use crate::diagnose::data::depends_on::DependsOn;
 use crate::diagnose::effects::Place;
 use crate::diagnose::effects::hypothesis::Model;
 use crate::diagnose::model::problem::Noise;
+use crate::diagnose::model::solver::NEGLIGIBLE;
+use crate::diagnose::prepare::first_day::ZERO_LOST;
 use crate::diagnose::prepare::prepared::Prepared;
 use crate::diagnose::principles::{A_GAP, LEAST_LOG_ODDS, TEMPER};
 use crate::diagnose::selection::alternatives::held_out_odds;
@@ -50,6 +52,9 @@ pub(crate) fn tell_step(
     let mut as_logged = as_logged.clone();
     as_logged.slips.clone_from(&findings.search.problem.slips);
     as_logged.mistake_parameters.clone_from(&findings.search.problem.mistake_parameters);
+    // The step is not among what the log says.
+    let of_step = as_logged.mistake_parameters.iter_mut().filter(|p| p.effect == ZERO_LOST);
+    of_step.for_each(|p| p.std = NEGLIGIBLE);
     if !as_logged.slips.is_empty() {
         as_logged.fit_boards()?;
     }

@@ -26,8 +26,18 @@ use crate::robot::JointTerm;
 
 /// Friction torques that are tried, as shares of the joint's largest gravity torque; 0 is pure load, infinity pure motion.
 const FRICTION_SHARES: [f64; 12] = [0.0, 0.03, 0.06, 0.1, 0.16, 0.23, 0.31, 0.4, 0.5, 0.62, 0.75, 0.9];
-/// The play, or dead band (rad), at which the basis of one of no width is taken.
+/// The play, or dead band (rad or m), at which the basis of one of no width is taken, and below which a dead band is none.
 pub(super) const LEAST_PLAY_RAD: Guard = 1e-4;
+
+/// A width as the law takes it: one of nothing has no side on which the output lies, so that its derivative is that of a small one.
+pub(super) fn some_width(width: f64) -> f64 {
+    if width > 0.0 { width } else { LEAST_PLAY_RAD }
+}
+
+/// Whether a joint was moved to `q`: what is held is written with rounding.
+pub(super) fn is_moved(q: f64, last_q: f64) -> bool {
+    (q - last_q).abs() > NEGLIGIBLE
+}
 
 /// See the module.
 pub(crate) struct Backlash;
@@ -38,16 +48,17 @@ impl Backlash {
     /// The path between the rows is followed: the load may push the output to the other side on the way, and
     /// friction then keeps it there. Position and torque are taken as linear between rows.
     fn followed(scene: &Scene, n: NodeId, variant: f64, width: f64) -> (Vec<f64>, Vec<f64>) {
-        let half = width.max(LEAST_PLAY_RAD) / 2.0;
+        let half = some_width(width) / 2.0;
         if variant < 0.0 {
             return Self::from_afar(scene, n, -variant, half);
         }
         let friction_nm = variant;
         let (mut positions, mut slopes) =
             (Vec::with_capacity(scene.frames), Vec::with_capacity(scene.frames));
-        // Before the first row the joint rests at 0; its place in the play is unknown and taken as the middle.
-        let (mut output, mut slope) = (0.0_f64, 0.0);
-        let (mut last_q, mut last_torque) = (0.0, scene.torque(0, n));
+        // Before the first row the joint rests at its zero; its place in the play is unknown and taken as the middle.
+        let at_rest = scene.body.nodes[n].at_rest();
+        let (mut output, mut slope) = (at_rest, 0.0);
+        let (mut last_q, mut last_torque) = (at_rest, scene.torque(0, n));
         for f in 0..scene.frames {
             let (q_end, torque_end) = (scene.q(f, n), scene.torque(f, n));
             // The path is split where load and friction exchange the control of the output.
@@ -85,15 +96,17 @@ impl Backlash {
 
     /// The same of a joint that comes from afar to each row.
     fn from_afar(scene: &Scene, n: NodeId, friction_nm: f64, half: f64) -> (Vec<f64>, Vec<f64>) {
-        let (mut side, mut last_q) = (0.0_f64, 0.0);
+        let (mut side, mut last_q) = (0.0_f64, scene.body.nodes[n].at_rest());
         let sides = (0..scene.frames).map(|f| {
             let (q, torque) = (scene.q(f, n), scene.torque(f, n));
             if torque.abs() > friction_nm && torque.abs() > NEGLIGIBLE {
                 side = torque.signum();
-            } else if q != last_q {
+            } else if is_moved(q, last_q) {
                 side = (last_q - q).signum();
             }
-            last_q = q;
+            if is_moved(q, last_q) {
+                last_q = q;
+            }
             side
         });
         sides.map(|side| (side * half, side / 2.0)).unzip()

@@ -21,12 +21,12 @@ const HINGE: Grid = 0.0;
 const BEAM: Grid = 1.0;
 
 fn largest_moment(scene: &Scene, n: NodeId) -> f64 {
-    let of_hinge = (0..scene.frames).map(|f| transverse_moment(scene, f, n).norm()).fold(0.0, f64::max);
+    let of_hinge = scene.largest_moment(n, |f| transverse_moment(scene, f, n).norm());
     if bends_as_a_beam(scene, n) { of_hinge.max(largest_of_beam(scene, n)) } else { of_hinge }
 }
 
 fn largest_of_beam(scene: &Scene, n: NodeId) -> f64 {
-    (0..scene.frames).map(|f| transverse_load(scene, f, n).moment.norm()).fold(0.0, f64::max)
+    scene.largest_moment(n, |f| transverse_load(scene, f, n).moment.norm())
 }
 
 /// Whether the second form is another one than the first: the link has a length, and its moment turns its end.

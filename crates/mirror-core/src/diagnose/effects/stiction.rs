@@ -8,7 +8,7 @@
 //! * [`FROM_AFAR`]: it came through other postures between the rows, and always stops short by the whole dead band.
 
 use super::about::{About, PlaceKind, WrittenTo};
-use super::backlash::LEAST_PLAY_RAD;
+use super::backlash::{LEAST_PLAY_RAD, is_moved, some_width};
 use super::{Effect, LawFreedom, Place, joint_error, moving_joints, named};
 use crate::diagnose::model::body::NodeId;
 use crate::diagnose::model::deformation::Deformation;
@@ -40,16 +40,19 @@ impl Stiction {
     /// Follows the joint from row to row: it moves only as far as the servo's torque exceeds friction. So it stops
     /// within `± d` of where the drooping servo would hold it without friction, and stays there while it can.
     fn followed(scene: &Scene, n: NodeId, variant: f64, band: f64, droop: f64) -> Vec<Rest> {
-        let band = band.max(LEAST_PLAY_RAD);
-        // Before the first row the joint rests at 0.
-        let (mut theta, mut by_band, mut by_droop, mut last_q) = (0.0_f64, 0.0, 0.0, 0.0);
+        // Before the first row the joint rests at its zero.
+        let at_rest = scene.body.nodes[n].at_rest();
+        let (mut theta, mut by_band, mut by_droop, mut last_q) = (at_rest, 0.0, 0.0, at_rest);
         (0..scene.frames)
             .map(|f| {
                 let (q, torque) = (scene.q(f, n), scene.torque(f, n));
                 let hold = q + droop * torque;
                 // The side from which it comes; of a joint that did not move the one on which it rests.
-                let side = if q == last_q { by_band } else { (last_q - q).signum() };
-                last_q = q;
+                let mut side = by_band;
+                if is_moved(q, last_q) {
+                    side = (last_q - q).signum();
+                    last_q = q;
+                }
                 if variant == FROM_AFAR && side != 0.0 {
                     (theta, by_band, by_droop) = (hold + side * band, side, torque);
                 } else if theta > hold + band {
@@ -79,7 +82,8 @@ impl Effect for Stiction {
     /// The other, unless all motions are large.
     fn variant_beside(&self, scene: &Scene, place: Place, variant: f64, parameters: &[f64]) -> Option<f64> {
         let n = place.node()?;
-        let rests = |variant| Self::followed(scene, n, variant, parameters[0], parameters[1]);
+        let band = some_width(parameters[0]);
+        let rests = |variant| Self::followed(scene, n, variant, band, parameters[1]);
         let other = if variant == FROM_AFAR { DIRECTLY } else { FROM_AFAR };
         let differs = |(a, b): (&Rest, &Rest)| (a.error - b.error).abs() > NEGLIGIBLE;
         let some = rests(variant).iter().zip(&rests(other)).any(differs);
@@ -88,17 +92,15 @@ impl Effect for Stiction {
 
     fn prior_std(&self, scene: &Scene, place: Place) -> Vec<f64> {
         let Some(n) = place.node() else { return Vec::new() };
-        let droop = if self.droops {
-            joint_error(scene, n, 0.006) / scene.largest_torque(n).max(NEGLIGIBLE)
-        } else {
-            NEGLIGIBLE
-        };
+        let load = scene.largest_torque(n);
+        let droop =
+            if self.droops && load > NEGLIGIBLE { joint_error(scene, n, 0.006) / load } else { NEGLIGIBLE };
         vec![joint_error(scene, n, 0.02), droop]
     }
 
     fn columns(&self, scene: &Scene, place: Place, variant: f64, parameters: &[f64]) -> Vec<Column> {
         let Some(n) = place.node() else { return Vec::new() };
-        let rests = Self::followed(scene, n, variant, parameters[0], parameters[1]);
+        let rests = Self::followed(scene, n, variant, some_width(parameters[0]), parameters[1]);
         let (mut by_band, mut by_droop) = (Vec::new(), Vec::new());
         for rest in rests {
             by_band.push(rest.by_band);
@@ -122,7 +124,8 @@ impl Effect for Stiction {
         if parameters[0] <= 0.0 && parameters[1] == 0.0 {
             return;
         }
-        for (f, rest) in Self::followed(scene, n, variant, parameters[0], parameters[1]).iter().enumerate() {
+        let band = parameters[0].max(0.0);
+        for (f, rest) in Self::followed(scene, n, variant, band, parameters[1]).iter().enumerate() {
             deformation.add_joint_delta(f, n, rest.error);
         }
     }

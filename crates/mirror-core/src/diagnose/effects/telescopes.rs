@@ -39,7 +39,11 @@ pub(super) fn moment_across(scene: &Scene, n: NodeId, k: usize) -> impl Iterator
 
 /// The largest moment of these, about either direction, N m.
 pub(super) fn largest_moment(scene: &Scene, n: NodeId) -> f64 {
-    (0..2).flat_map(|k| moment_across(scene, n, k)).fold(0.0, |largest: f64, m| largest.max(m.abs()))
+    let across = scene.body.nodes[n].tilt_directions;
+    scene.largest_moment(n, |f| {
+        let moment = scene.moment(f, n);
+        across[0].dot(moment).abs().max(across[1].dot(moment).abs())
+    })
 }
 
 /// Growth of a column's flexibility with its extension, frame by frame, m: `h = e/(1 − e/D)`, e its extension and D
@@ -51,5 +55,7 @@ pub(super) fn slackening_m(scene: &Scene, n: NodeId) -> Vec<f64> {
     };
     let most = out.iter().fold(0.0_f64, |a, e| a.max(*e));
     let whole = (END * telescope.farthest_m).max(LEAST_OVERLAP * most);
-    out.iter().map(|e| if whole.is_finite() { e / (1.0 - e / whole) } else { *e }).collect()
+    // Limits of nothing but 0 say as much as none.
+    let ends = whole.is_finite() && whole > 0.0;
+    out.iter().map(|e| if ends { e / (1.0 - e / whole) } else { *e }).collect()
 }

@@ -1,6 +1,7 @@
 //! The measurement's noise, estimated from the data: the part that no model of the body or of the optics could
 //! explain.
 
+use crate::diagnose::effects::hypothesis::nuisances;
 use crate::diagnose::likelihood::normal_equations::{chunks, counts};
 use crate::diagnose::likelihood::saturated::free_markers;
 use crate::diagnose::model::camera_and_mirror::FootPoints;
@@ -64,8 +65,12 @@ pub(crate) fn estimate(problem: &Problem, deformation: &Deformation, stated: Noi
         // The noise cannot exceed the total of the residuals.
         let least = Noise { point_m: NEGLIGIBLE, ..noise };
         let left = effective(problem, deformation, least, None)?.point_m;
-        // A stated noise is too large if the residuals are smaller than chance and the fitted parameters allow.
-        if left < NEARLY_ALL * noise.point_m {
+        // A stated noise is too large if the residuals are smaller than chance and the fitted parameters allow: of few
+        // points an unknown frame and unknown mounts leave hardly anything.
+        let rows = 3 * problem.frames.iter().map(|frame| frame.others.len()).sum::<usize>();
+        let redundant = rows as f64 - nuisances(problem).len() as f64;
+        let left = left * (rows as f64 / redundant.max(1.0)).sqrt();
+        if redundant >= FEWEST_REDUNDANT_ROWS && left < NEARLY_ALL * noise.point_m {
             noise.point_m = left;
         }
     }

@@ -61,6 +61,11 @@ impl Node {
         }
     }
 
+    /// The position at which the joint rests before anything is commanded: 0, and of a mimic joint what follows from it.
+    pub fn at_rest(&self) -> f64 {
+        self.command.2
+    }
+
     /// The column that slides out with this node as its last tube.
     pub fn column(&self) -> Option<&Telescope> {
         self.telescope.as_ref().filter(|t| t.is_column())
@@ -122,7 +127,7 @@ impl Body {
                     inner,
                     &parent_from_joint,
                     &axis,
-                    joint.limits.map_or(f64::INFINITY, |l| l.upper),
+                    joint.limits.map_or((f64::NEG_INFINITY, f64::INFINITY), |l| (l.lower, l.upper)),
                 )
             });
             nodes.push(Node {

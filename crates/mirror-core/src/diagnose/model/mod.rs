@@ -12,6 +12,7 @@ pub(super) mod kinematics;
 pub(super) mod link_bends;
 pub(super) mod mistake_parameters;
 pub(super) mod pose;
+pub(super) mod possible_loads;
 pub(super) mod problem;
 pub(super) mod robust;
 pub(super) mod scene;

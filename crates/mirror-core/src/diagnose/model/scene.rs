@@ -5,6 +5,7 @@ use crate::diagnose::data::recording::Recording;
 use crate::diagnose::model::body::{Body, NodeId, Site};
 use crate::diagnose::model::deformation::Deformation;
 use crate::diagnose::model::kinematics::{BeamLoad, Loads, NodePoses, loads};
+use crate::diagnose::model::possible_loads::{LEAST_BORNE, PossibleLoad, possible_loads};
 use crate::diagnose::model::solver::NEGLIGIBLE;
 use crate::diagnose::principles::Guard;
 use crate::error::Result;
@@ -32,6 +33,9 @@ pub(crate) struct Scene {
     pub beam: Vec<BeamLoad>,
     /// Moment of gravity of the whole robot about the root's origin, in its frame, N m, in each frame.
     pub base_moment: Vec<Vector3<f64>>,
+    /// The largest torque (N m, or force, N) and moment (N m) that gravity could put on each node in this session's postures,
+    /// whatever its direction; see [`possible_loads`].
+    pub possible: Vec<PossibleLoad>,
     pub time_s: Vec<f64>,
     pub gravity: Vector3<f64>,
     pub marker_names: Vec<String>,
@@ -51,7 +55,8 @@ pub(crate) struct Scene {
     /// Whether there is a board; a mirror is known by the board seen in it.
     pub has_board: bool,
     /// Largest distance between a relevant joint and a marker that it carries, at the nominal zero posture, m; where none carries one (a
-    /// camera in the hand sees markers on the base) between a joint and any marker.
+    /// camera in the hand sees markers on the base) between a joint and any marker. Where all of these are at one place, the
+    /// longest stroke of a sliding joint.
     pub reach_m: f64,
     pub glass_thickness_m: f64,
 }
@@ -80,8 +85,8 @@ impl Scene {
         let mut direction = vec![0.0; frames * nodes];
         for (n, node) in body.nodes.iter().enumerate() {
             let (index, multiplier, offset) = node.command;
-            // Before the first row all joints rest at 0.
-            let (mut last, mut sign) = (offset, 0.0);
+            // Before the first row all joints rest at their zeros.
+            let (mut last, mut sign) = (node.at_rest(), 0.0);
             for (f, frame) in recording.frames.iter().enumerate() {
                 let q = multiplier * frame.commanded[index] + offset;
                 if (q - last).abs() > NEGLIGIBLE {
@@ -114,6 +119,7 @@ impl Scene {
             moment: vec![Vector3::zeros(); frames * nodes],
             beam: vec![BeamLoad::default(); frames * nodes],
             base_moment: vec![Vector3::zeros(); frames],
+            possible: vec![PossibleLoad::default(); nodes],
             time_s: recording.frames.iter().map(|f| f.time_s).collect(),
             gravity: recording.gravity,
             marker_names: recording.markers.iter().map(|m| m.name.clone()).collect(),
@@ -147,6 +153,12 @@ impl Scene {
         let nominal = Deformation::nominal(1, nodes, markers.len());
         poses.update(&self.body, &vec![0.0; nodes], &nominal, 0);
         self.reach_m = reach_m(&self.body, &poses, &self.relevant, markers);
+        if self.reach_m == 0.0 {
+            // Slides with the marker at their origins reach as far as they go.
+            let stroke_m = |n: usize| self.commanded_range[n].1 - self.commanded_range[n].0;
+            let slides = (0..nodes).filter(|&n| self.relevant[n] && self.body.nodes[n].prismatic);
+            self.reach_m = slides.map(stroke_m).fold(0.0, f64::max);
+        }
         for n in (0..nodes).filter(|&n| self.relevant[n]) {
             let next_joint =
                 |n: NodeId| (0..nodes).find(|&k| self.relevant[k] && self.body.nodes[k].parent == Some(n));
@@ -169,6 +181,7 @@ impl Scene {
             self.body.nodes[n].long_axis = along;
         }
         self.update_loads(&Deformation::nominal(self.frames, nodes, markers.len()));
+        self.possible = possible_loads(&self.body, &self.commanded, self.gravity.norm());
     }
 
     /// Computes gravity's loads again at the actual postures of a deformation.
@@ -285,8 +298,15 @@ impl Scene {
         high.max(-low) > NEGLIGIBLE
     }
 
-    /// Largest torque (N m, absolute) that gravity puts on a joint in this session.
+    /// Largest torque (N m, absolute) that gravity puts on a joint in this session; 0 where it bears [hardly any](LEAST_BORNE).
     pub fn largest_torque(&self, node: NodeId) -> f64 {
-        (0..self.frames).map(|f| self.torque(f, node).abs()).fold(0.0, f64::max)
+        let largest = (0..self.frames).map(|f| self.torque(f, node).abs()).fold(0.0, f64::max);
+        if largest < LEAST_BORNE * self.possible[node].torque { 0.0 } else { largest }
+    }
+
+    /// The same of a moment on a link (N m), by its size in each frame.
+    pub fn largest_moment(&self, node: NodeId, of_frame: impl Fn(usize) -> f64) -> f64 {
+        let largest = (0..self.frames).map(of_frame).fold(0.0, f64::max);
+        if largest < LEAST_BORNE * self.possible[node].moment { 0.0 } else { largest }
     }
 }

@@ -13,7 +13,7 @@
 //! | mirror | glass, curvature, astigmatism | constant |
 
 use crate::diagnose::data::depends_on::DependsOn;
-use crate::diagnose::effects::{Effect, Place};
+use crate::diagnose::effects::{Effect, Place, joint_error};
 use crate::diagnose::model::body::NodeId;
 use crate::diagnose::model::elementary::{Atom, Column, Weight};
 use crate::diagnose::model::free_values::{ASTIGMATISM, BOARD_SHAPE, WARP};
@@ -184,7 +184,7 @@ impl FreeForm {
                 let path = of(&|f| scene.q(f, n));
                 let (low, high) = scene.commanded_range[n];
                 let range = (high - low).max(1e-9);
-                let at_rest = scene.body.nodes[n].command.2;
+                let at_rest = scene.body.nodes[n].at_rest();
                 let own = path.iter().map(|q| (q - 0.5 * (low + high)) / (0.5 * range)).collect();
                 let stops = HYSTERESIS_REACH.iter().map(|reach| stop(at_rest, &path, reach * range));
                 table(core::iter::once(own).chain(stops).collect())
@@ -212,8 +212,7 @@ impl FreeForm {
         let path_m = scene.reach_m.max(0.1);
         match (self.what, place) {
             (What::Joint, Place::Joint(n)) => {
-                let reach = if scene.body.nodes[n].prismatic { scene.reach_m } else { 1.0 };
-                vec![(Atom::Joint(n), TYPICAL_RAD * reach)]
+                vec![(Atom::Joint(n), joint_error(scene, n, TYPICAL_RAD))]
             }
             (What::Axis, Place::Joint(n)) => (0..2).map(|k| (Atom::Tilt(n, k), TYPICAL_RAD)).collect(),
             (What::LinkTurn, Place::Link(Some(n))) => {

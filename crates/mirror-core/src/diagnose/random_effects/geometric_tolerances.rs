@@ -12,8 +12,8 @@
 
 use crate::diagnose::data::diagnosis::Member;
 use crate::diagnose::data::recording::Tolerances;
-use crate::diagnose::effects::Place;
 use crate::diagnose::effects::hypothesis::{Catalogue, Model};
+use crate::diagnose::effects::{Place, joint_error};
 use crate::diagnose::likelihood::fit::{Fit, FitOptions, Group, fit};
 use crate::diagnose::likelihood::linearised::Linearised;
 use crate::diagnose::model::elementary::{Atom, Column};
@@ -144,7 +144,13 @@ impl Geometry {
         // What is exact is no random effect.
         columns.retain(|c| stated(tolerances, c.atom) != Some(0.0));
         let softness = softness(scene, columns.iter().filter_map(spring_of));
-        let units = columns.iter().map(|c| spring_of(c).map_or(1.0, |n| softness[&n])).collect();
+        let unit = |c: &Column| match (Kind::of(c), c.atom) {
+            (Kind::Spring, Atom::Joint(n)) => softness[&n],
+            // Of a joint that slides, rad at the robot's reach.
+            (Kind::Angle, Atom::Joint(n)) => joint_error(scene, n, 1.0),
+            _ => 1.0,
+        };
+        let units = columns.iter().map(unit).collect();
         Self::with_units(columns, tolerances, units, setup_only)
     }
 

@@ -40,7 +40,8 @@ use crate::diagnose::report::reservations::LIMIT_REACHED;
 use crate::error::Result;
 use crate::robot::Robot;
 use reason::{
-    LATE, Reason, explains, hardly_slipped, has_no_size, is_late_by_nothing, is_of_a_column, left, takes_most,
+    LATE, Reason, explains, hardly_slipped, has_no_size, is_late_by_nothing, is_of_a_column, left,
+    slip_together, takes_most,
 };
 
 /// Diagnoses a recording: where the model is wrong, which effect causes it, how far the gap shrinks.
@@ -97,9 +98,11 @@ fn accepted(
         // sticking looks like another zero where a joint turns back.
         let again = prepared(options, None, false)?;
         let its_mistakes = again.mistakes().to_vec();
-        // Mistakes of columns were weighed against these already, and slips against the step.
+        // Mistakes of columns were weighed against these already, and slips against the step. Markers that slip at one and the
+        // same row are what a joint carries that has another zero from there on.
         let slips = |mistakes: &[Cause]| mistakes.iter().filter(|m| m.effect == "slip").count();
-        let slips_instead = found.left_beside_step.is_some() && slips(&its_mistakes) > slips(&mistakes);
+        let more_slips = slips(&its_mistakes) > slips(&mistakes);
+        let slips_instead = more_slips && (found.left_beside_step.is_some() || slip_together(&its_mistakes));
         if slips_instead || its_mistakes.iter().any(is_of_a_column) {
             return Ok(found);
         }

@@ -297,6 +297,13 @@ pub(super) fn hardly_slipped(cause: &Cause) -> bool {
         && motion().all(|(_, e)| e.value.abs() < 2.0 * FAR_DEVIATIONS * e.std)
 }
 
+/// Whether two markers slip at one and the same row.
+pub(super) fn slip_together(mistakes: &[Cause]) -> bool {
+    let slips = || mistakes.iter().filter(|c| c.effect == SLIP && c.at.starts_with("marker:"));
+    let first = |c: &Cause| c.parameters.get(FIRST_FRAME).map(|e| e.value);
+    slips().any(|one| slips().any(|other| one.at != other.at && first(one) == first(other)))
+}
+
 /// Whether nothing is left unexplained.
 pub(super) fn explains(diagnosis: &Diagnosis) -> bool {
     !leaves_something(diagnosis.verdict)

@@ -2,7 +2,7 @@
 
 use super::reason::{
     FIRST_FRAME, LATE, Reason, SLIP, hardly_slipped, is_late_by_nothing, is_of_no_size, is_told_twice,
-    is_turned_in_vain,
+    is_turned_in_vain, slip_together,
 };
 use crate::diagnose::data::diagnosis::{Cause, Estimate, Verdict};
 
@@ -37,6 +37,20 @@ fn only_a_ratio_twice_at_one_joint_is_told_twice() {
             && !is_of_no_size(&[ratio(-0.02)])
             && !is_of_no_size(core::slice::from_ref(&a))
     );
+}
+
+#[test]
+fn markers_that_slip_at_one_row_slip_together() {
+    let slip = |at: &str, row: f64| {
+        let first = (FIRST_FRAME.to_owned(), Estimate { value: row, std: 0.3 });
+        Cause { parameters: [first].into_iter().collect(), ..cause(SLIP, at) }
+    };
+    let [hand, later, forearm] =
+        [slip("marker:hand", 105.0), slip("marker:hand", 135.0), slip("marker:forearm", 105.0)];
+    assert!(slip_together(&[hand.clone(), later.clone(), forearm.clone()]));
+    assert!(!slip_together(&[hand.clone(), hand.clone()]) && !slip_together(&[later, forearm]));
+    // What slips with the camera is seen in the markers too.
+    assert!(!slip_together(&[hand, slip("camera", 105.0)]));
 }
 
 #[test]

@@ -3,6 +3,8 @@
 use crate::diagnose::data::recording::{
     Frame, MarkerSpec, MeasuredPoint, PointsFrame, Recording, Tolerances,
 };
+use crate::diagnose::effects::{Place, vocabulary};
+use crate::diagnose::model::elementary::{Column, Weight};
 use crate::diagnose::model::problem::Problem;
 use crate::robot::Robot;
 use nalgebra::{Point3, Vector3};
@@ -30,6 +32,11 @@ pub(in crate::diagnose) fn problem() -> Problem {
 
 /// Of a robot with so many joints, the column's first and the arm's last.
 fn problem_of(urdf: &str, joints: usize) -> Problem {
+    problem_with(urdf, joints, |_| {})
+}
+
+/// The same with a recording that is changed.
+fn problem_with(urdf: &str, joints: usize, change: impl Fn(&mut Recording)) -> Problem {
     let robot = Robot::from_urdf_str(urdf).unwrap();
     let frame = |i: usize| {
         let t = i as f64;
@@ -46,7 +53,7 @@ fn problem_of(urdf: &str, joints: usize) -> Problem {
             points: vec![MeasuredPoint { marker: 0, position_m: Point3::new(0.3 + 0.01 * t, 0.2, 1.5) }],
         }
     };
-    let recording = Recording {
+    let mut recording = Recording {
         root_link: "base".into(),
         gravity: Vector3::new(0.3, -0.2, -9.8),
         sight: None,
@@ -65,6 +72,7 @@ fn problem_of(urdf: &str, joints: usize) -> Problem {
         point_std_m: Some(0.001),
         frames: (0..10).map(frame).collect(),
     };
+    change(&mut recording);
     Problem::new(&robot, &recording.validated(joints).unwrap()).unwrap()
 }
 
@@ -121,4 +129,140 @@ fn moments_of_an_arm_are_about_the_middle_of_its_links() {
     let moment: Vector3<f64> = masses.iter().map(|(m, at)| ((at - middle) * *m).cross(&scene.gravity)).sum();
     let told = scene.moment(frame, lift);
     assert!((told - moment).norm() < 1e-9, "{told} {moment}");
+}
+
+/// The weights of one of the vocabulary's effects at a link, a list each column.
+fn weights(problem: &Problem, effect: &str, link: &str) -> Vec<Vec<f64>> {
+    let scene = &problem.scene;
+    let node = scene.body.nodes.iter().position(|n| n.link == link).unwrap();
+    let all = vocabulary();
+    let law = all.iter().find(|e| e.name() == effect).unwrap();
+    let columns = law.columns(scene, Place::Link(Some(node)), 0.0, &[0.0; 4]);
+    let list = |c: &Column| match &c.weight {
+        Weight::Frames(list) => list.clone(),
+        _ => Vec::new(),
+    };
+    columns.iter().map(list).collect()
+}
+
+#[test]
+fn a_column_slides_out_to_the_side_that_its_limits_allow() {
+    let sides = [
+        (
+            "<axis xyz=\"0 0 1\"/>\n  <limit lower=\"0\" upper=\"0.8\"",
+            "<axis xyz=\"0 0 -1\"/>\n  <limit lower=\"-0.8\" upper=\"0\"",
+        ),
+        (
+            "<axis xyz=\"0 1 0\"/>\n  <limit lower=\"0\" upper=\"0.7\"",
+            "<axis xyz=\"0 -1 0\"/>\n  <limit lower=\"-0.7\" upper=\"0\"",
+        ),
+    ];
+    let down = sides.iter().fold(URDF.to_owned(), |text, (up, down)| {
+        assert!(text.contains(up));
+        text.replace(up, down)
+    });
+    // In some rows nothing is out.
+    let moved = |recording: &mut Recording, side: f64| {
+        for (f, frame) in recording.frames.iter_mut().enumerate() {
+            frame.commanded.iter_mut().take(2).for_each(|q| *q *= if f < 2 { 0.0 } else { side });
+        }
+    };
+    let up = problem_with(URDF, 3, |recording| moved(recording, 1.0));
+    let down = problem_with(&down, 3, |recording| moved(recording, -1.0));
+    let (of_up, of_down) = (weights(&up, "column_bending", "top"), weights(&down, "column_bending", "top"));
+    assert!(of_up.len() == 4 && of_up.iter().flatten().any(|w| *w != 0.0));
+    // Directions across the axis turn round with it: by size, as the law has both of them.
+    for (k, f) in (0..2).flat_map(|k| (0..10).map(move |f| (k, f))) {
+        let size = |of: &[Vec<f64>]| of[2 * k][f].hypot(of[2 * k + 1][f]);
+        assert!((size(&of_up) - size(&of_down)).abs() < 1e-9, "{k} {f}: {} {}", size(&of_up), size(&of_down));
+    }
+}
+
+#[test]
+fn an_axis_that_is_vertical_but_for_rounding_bears_no_load() {
+    let upright = |recording: &mut Recording| recording.gravity = Vector3::new(0.0, 0.0, -9.8);
+    let torque = |turn: &str| {
+        let problem = problem_with(&URDF.replace("-1.5707963267948966", turn), 3, upright);
+        problem.scene.largest_torque(2)
+    };
+    // Of 12 kg at 0.4 m: askew by 0.2 mrad it would be 0.01 N m.
+    assert_eq!(torque("-1.571"), 0.0);
+    assert!((torque("-1.6") - 12.0 * 9.8 * 0.4 * (1.6 - core::f64::consts::FRAC_PI_2)).abs() < 0.05);
+    // A slide bears its weight, or none where it lies.
+    let problem = problem_with(URDF, 3, upright);
+    assert!((problem.scene.largest_torque(0) - 30.0 * 9.8).abs() < 1e-9);
+    let lying = |recording: &mut Recording| recording.gravity = Vector3::new(-9.8, 0.0, 0.005);
+    assert_eq!(problem_with(URDF, 3, lying).scene.largest_torque(0), 0.0);
+}
+
+#[test]
+fn slides_with_the_marker_at_their_origin_reach_as_far_as_they_go() {
+    let table = r#"<robot name="table"><link name="base"/><link name="x"/><link name="y"/>
+<joint name="jx" type="prismatic"><parent link="base"/><child link="x"/><axis xyz="1 0 0"/><limit lower="0" upper="1" effort="1" velocity="1"/></joint>
+<joint name="jy" type="prismatic"><parent link="x"/><child link="y"/><axis xyz="0 1 0"/><limit lower="0" upper="1" effort="1" velocity="1"/></joint></robot>"#;
+    let problem = problem_with(table, 2, |recording| {
+        recording.markers[0].link = "y".into();
+        recording.frames.iter_mut().enumerate().for_each(|(f, frame)| {
+            frame.commanded = vec![0.05 * f as f64, 0.02 * f as f64];
+        });
+    });
+    assert!((problem.scene.reach_m - 0.45).abs() < 1e-12, "{}", problem.scene.reach_m);
+}
+
+/// What play or a dead band of a width moves the arm's joint by, frame by frame, rad, and the derivative by the width.
+fn moved_by(problem: &Problem, effect: &str, variant: f64, parameters: &[f64]) -> (Vec<f64>, Vec<f64>) {
+    let (scene, turn) = (&problem.scene, 2);
+    let all = vocabulary();
+    let law = all.iter().find(|e| e.name() == effect).unwrap();
+    let mut deformation = problem.nominal();
+    law.deform(scene, Place::Joint(turn), variant, parameters, &mut deformation);
+    let columns = law.columns(scene, Place::Joint(turn), variant, parameters);
+    let Weight::Frames(slope) = &columns[0].weight else { return Default::default() };
+    ((0..scene.frames).map(|f| deformation.joint_delta(f, turn)).collect(), slope.clone())
+}
+
+#[test]
+fn a_play_and_a_dead_band_are_as_wide_as_they_are_however_small() {
+    // Up and down, so that each side comes.
+    let to_and_fro = |recording: &mut Recording| {
+        recording.frames.iter_mut().enumerate().for_each(|(f, frame)| {
+            frame.commanded[2] = 0.3 * (f as f64 * 1.7).sin();
+        });
+    };
+    let problem = problem_with(URDF, 3, to_and_fro);
+    let laws: [(&str, f64, &dyn Fn(f64) -> Vec<f64>, f64); 2] = [
+        ("backlash", f64::INFINITY, &|width| vec![width], 0.5),
+        ("stiction", 1.0, &|width| vec![width, 0.0], 1.0),
+    ];
+    for (effect, variant, of, share) in laws {
+        for width in [2e-6, 3e-5, 2e-4] {
+            let (by, slope) = moved_by(&problem, effect, variant, &of(width));
+            assert!(slope.iter().any(|s| *s > 0.0) && slope.iter().any(|s| *s < 0.0), "{effect}");
+            for (by, slope) in by.iter().zip(&slope).skip(1) {
+                assert!((by.abs() - share * width).abs() < 1e-12 && (by - slope * width).abs() < 1e-12);
+            }
+        }
+        let (nothing, slope) = moved_by(&problem, effect, variant, &of(0.0));
+        assert!(nothing.iter().all(|by| *by == 0.0) && slope.iter().any(|s| *s != 0.0), "{effect}");
+    }
+}
+
+#[test]
+fn a_position_that_is_held_stays_on_its_side_though_it_is_written_with_rounding() {
+    let held = |jitter: f64| {
+        problem_with(URDF, 3, |recording| {
+            recording.frames.iter_mut().enumerate().for_each(|(f, frame)| {
+                let by = if f % 2 == 0 { jitter } else { -jitter };
+                frame.commanded[2] = 0.3 * ((f / 2) as f64 * 1.7).sin() + 0.1 + by;
+            });
+        })
+    };
+    let (exact, rounded) = (held(0.0), held(2e-10));
+    // Without a load that decides, and from afar.
+    for (effect, variant, parameters) in
+        [("backlash", f64::NEG_INFINITY, vec![0.04]), ("stiction", 1.0, vec![0.02, 0.0])]
+    {
+        let sides = |problem: &Problem| moved_by(problem, effect, variant, &parameters).1;
+        assert_eq!(sides(&exact), sides(&rounded), "{effect}");
+    }
 }

@@ -48,6 +48,14 @@ impl Mistake {
             Self::Zero { joint, .. } => of_joints(Some(joint))
                 .map(|one| of(one, Weight::One, FIRST_ESTIMATE_STD, "joint_offset", "offset_rad", 1.0))
                 .collect(),
+            // Estimated before any cause was known: what it is off by would look like a drift of the same joint.
+            Self::ZeroLost { joint, first, .. } => {
+                let since = (0..problem.frames.len()).map(|f| f64::from(u8::from(f >= first)));
+                let weight = Weight::Frames(since.collect());
+                of_joints(Some(joint))
+                    .map(|one| of(one, weight.clone(), FIRST_ESTIMATE_STD, self.effect(), "offset_rad", 1.0))
+                    .collect()
+            }
             Self::JointUnit { joint, factor } if !is_unit(factor) => of_joints(Some(joint))
                 .map(|one| {
                     of(one, Weight::Position(one.1), FIRST_ESTIMATE_STD, "gear_ratio", "scale_error", factor)

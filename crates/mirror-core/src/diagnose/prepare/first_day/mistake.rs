@@ -33,6 +33,9 @@ pub(super) fn is_unit(factor: f64) -> bool {
     UNITS.contains(&factor) || LENGTH_UNITS.contains(&factor)
 }
 
+/// What a zero that changes from a row on is called within: it has no public name.
+pub(crate) const ZERO_LOST: &str = "zero_lost";
+
 /// A mistake, by indices of the robot's independent joints and of the recording's markers.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) enum Mistake {
@@ -302,7 +305,7 @@ impl Mistake {
             Self::LogFrozen { .. } | Self::JointFrozen { .. } => "joint_frozen",
             // Without a public name: never reported as causes.
             Self::ColumnLost { .. } => "column_lost",
-            Self::ZeroLost { .. } => "zero_lost",
+            Self::ZeroLost { .. } => ZERO_LOST,
             Self::MarkersSwapped { .. } => "markers_swapped",
             Self::Resolution { .. } => "camera_resolution",
             Self::Flipped { .. } => "picture_flipped",

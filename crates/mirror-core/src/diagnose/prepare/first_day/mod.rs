@@ -77,7 +77,7 @@ use chain::{BEAM, Chain, FRAMES, grown, least_fall, spread, unlike};
 pub(crate) use memory::Memory;
 use misfit::Misfit;
 use mistake::Changes;
-pub(crate) use mistake::{Mistake, unit_near};
+pub(crate) use mistake::{Mistake, ZERO_LOST, unit_near};
 use permuted::chain_of_names;
 pub(crate) use reported::REVERSED;
 pub(crate) use resolutions::resolution_near;
