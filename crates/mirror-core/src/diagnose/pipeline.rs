@@ -31,6 +31,7 @@ use crate::diagnose::report::build;
 use crate::diagnose::report::missing_rows::rows_are_missing;
 use crate::diagnose::report::noise_warnings::{noise_is_larger, noise_may_be_larger};
 use crate::diagnose::report::optics_together;
+use crate::diagnose::report::point_scale::beside_one_scale;
 use crate::diagnose::report::reservations::{background_was_taken, hangs_on_regions, reserve, told_together};
 use crate::diagnose::report::rounded_positions::positions_are_rounded;
 use crate::diagnose::report::seen_markers::seen_markers;
@@ -240,6 +241,7 @@ fn warn_of_data(
     diagnosis.warnings.extend(positions_are_rounded(findings)?);
     diagnosis.warnings.extend(noise_is_larger(findings, recording));
     diagnosis.warnings.extend(noise_may_be_larger(findings)?);
+    beside_one_scale(diagnosis, findings)?;
     Ok(())
 }
 

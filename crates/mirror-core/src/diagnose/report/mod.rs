@@ -16,6 +16,7 @@ mod one_scale;
 pub(crate) mod optics_together;
 mod places;
 pub(super) mod plots;
+pub(super) mod point_scale;
 pub(super) mod reservations;
 pub(super) mod rms_shift;
 pub(super) mod rounded_positions;

@@ -1,0 +1,100 @@
+//! One scale of all measured points, in place of the causes that were named.
+//!
+//! A tracker or a wand whose scale is off by f measures `(1 + f) p`. The vocabulary has no word for it. It is told as many lengths and
+//! mounts, each with confidence, for all of these are off in proportion. So the nominal model is compared with points that are
+//! divided by `1 + f`: with the session's unknowns fitted, the mean square of what is left is `g(f) = g₀ + c (f − f₀)²`, and three
+//! values of f tell f₀, its standard deviation `σ/√(n c)` with σ² the mean square that is left of n points, and what it leaves.
+
+use crate::diagnose::assessment::findings::Findings;
+use crate::diagnose::criteria::cross_validation::{in_sample, seen_size};
+use crate::diagnose::data::diagnosis::{Cause, Diagnosis};
+use crate::diagnose::effects::hypothesis::Model;
+use crate::diagnose::likelihood::fit::Group;
+use crate::diagnose::likelihood::probability::unfinished;
+use crate::diagnose::model::problem::{Observation, Problem};
+use crate::diagnose::principles::{A_GAP, FAR_DEVIATIONS, Grid};
+use crate::diagnose::selection::search::Search;
+use crate::error::Result;
+
+/// The scales that are tried about none, and about the best of these.
+const STEP: Grid = 0.005;
+
+/// A factor of all measured points, with its standard deviation, and what it leaves (root mean square, m).
+struct Scale {
+    factor: f64,
+    std: f64,
+    left_m: f64,
+}
+
+/// Limits what is told where one scale of the points leaves no more than several causes do: each may be a part of it.
+///
+/// # Errors
+/// Invalid parameters of a model.
+pub(crate) fn beside_one_scale(diagnosis: &mut Diagnosis, findings: &Findings<'_>) -> Result<()> {
+    let search = &findings.search;
+    let of_scale =
+        |c: &Cause| ["link_length", "marker_mount", "joint_origin", "geometry"].contains(&c.effect.as_str());
+    if search.problem.camera.is_some() || diagnosis.causes.iter().filter(|c| of_scale(c)).count() < 2 {
+        return Ok(());
+    }
+    let problem = &search.problem;
+    let with_causes =
+        seen_size(&in_sample(problem, &search.deformation(&findings.found.fit.model), problem.noise)?);
+    let Some(scale) = best_scale(search)? else { return Ok(()) };
+    if scale.factor.abs() < FAR_DEVIATIONS * scale.std || scale.left_m > A_GAP * with_causes {
+        return Ok(());
+    }
+    for cause in diagnosis.causes.iter_mut().filter(|c| of_scale(c)) {
+        cause.probability = unfinished(cause.probability);
+    }
+    diagnosis.warnings.push(format!(
+        "one scale of all measured points, {:+.3} ± {:.3} %, leaves {:.2} mm with nothing else wrong, and the causes named leave {:.2} mm: measure a distance that \
+         is known before lengths or mounts are changed",
+        scale.factor * 100.0,
+        scale.std * 100.0,
+        scale.left_m * 1e3,
+        with_causes * 1e3
+    ));
+    Ok(())
+}
+
+/// The scale with which the nominal model leaves least; none where the points do not show it.
+fn best_scale(search: &Search<'_>) -> Result<Option<Scale>> {
+    let mut middle = 0.0;
+    let mut told = None;
+    // What is false at the wrong scale has no weight there, so the vertex is looked for again where it is.
+    for _ in 0..2 {
+        let [less, here, more] = [middle - STEP, middle, middle + STEP].map(|f| left_by(search, f));
+        let (less, here, more) = (less?, here?, more?);
+        let curvature = (less + more - 2.0 * here) / (2.0 * STEP * STEP);
+        if !(curvature > 0.0) {
+            return Ok(None);
+        }
+        middle += (less - more) / (4.0 * STEP * curvature);
+        told = Some(curvature);
+    }
+    let Some(curvature) = told.filter(|_| middle.is_finite() && middle.abs() < 1.0) else { return Ok(None) };
+    let left = left_by(search, middle)?;
+    let points = search.problem.frames.iter().map(|frame| frame.others.len()).sum::<usize>() as f64;
+    Ok(Some(Scale { factor: middle, std: (left / (points * curvature)).sqrt(), left_m: left.sqrt() }))
+}
+
+/// Mean square, m², of what the nominal model leaves of points divided by `1 + factor`.
+fn left_by(search: &Search<'_>, factor: f64) -> Result<f64> {
+    let scaled = scaled(&search.problem, factor);
+    let group = Group::default();
+    let its = Search { problem: scaled, group, mask: None, scatter: None, ..search.clone() };
+    let (fit, _) = its.fit_at_its_scatter(&Model::nominal(&its.problem))?;
+    let gaps = in_sample(&its.problem, &its.deformation(&fit.model), its.problem.noise)?;
+    Ok(seen_size(&gaps).powi(2))
+}
+
+fn scaled(problem: &Problem, factor: f64) -> Problem {
+    let mut problem = problem.clone();
+    for observation in problem.frames.iter_mut().flat_map(|frame| frame.others.iter_mut()) {
+        if let Observation::Point { position, .. } = observation {
+            *position /= 1.0 + factor;
+        }
+    }
+    problem
+}
