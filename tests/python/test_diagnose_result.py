@@ -10,7 +10,7 @@ import pytest
 
 import mirror_posture as mp
 from mirror_posture.diagnosis import Cause, Diagnosis, Estimate
-from mirror_posture.diagnosis.formatting import ground_words, percent, tell, tell_all
+from mirror_posture.diagnosis.formatting import ground_words, left_out_words, percent, tell, tell_all
 from mirror_posture.diagnosis.markers import marker_of_place, only_markers
 from mirror_posture.diagnosis.next_postures import write_next_postures
 from mirror_posture.session.frames import read_frames
@@ -49,6 +49,7 @@ DOCUMENT = {
                     "yields_rad_per_nm": [5.8e-6, 1e-6, 0.0],
                     "std_rad_per_nm": [4e-7, 5e-7, 1e-3],
                 },
+                "left_out": {"points": 1, "points_given": 1236, "boards": 2},
             }
         ],
     },
@@ -81,6 +82,10 @@ def test_the_public_format_becomes_dataclasses_and_comes_back_whole(tmp_path: Pa
     # What is below three deviations is not told.
     assert ground_words(ground).startswith(
         "its base turns by +5.8 ± 0.4 µrad/N m about x under the robot's weight"
+    )
+    left_out = found.gap.checked[0].left_out
+    assert left_out is not None and left_out_words(left_out) == (
+        "left out of it as false: 1 of 1236 observations of markers and 2 boards that no flat mirror explains"
     )
     assert found.next_postures == ({"elbow": 0.2},)
     assert json.loads(found.to_json()) == DOCUMENT

@@ -82,6 +82,34 @@ fn a_few_postures_give_an_answer_with_a_warning() {
     }
 }
 
+/// Where nothing is stated, no figure is that of causes which are not named.
+#[test]
+fn what_is_too_little_for_a_statement_closes_no_gap() {
+    for (postures, views) in [(1, 2), (2, 2), (2, 3)] {
+        let diagnosis = run(&world().record(&elbow_off(Plan { postures, views, ..Plan::default() })));
+        let gap = &diagnosis.gap;
+        assert_eq!(diagnosis.verdict.as_str(), "insufficient");
+        assert_eq!((gap.after_m, gap.after_px), (gap.before_m, gap.before_px), "{postures}");
+        assert!(gap.closed.is_none_or(|closed| closed == 0.0) && gap.chosen_anew.is_none(), "{gap:?}");
+        assert_eq!(gap.held_out_postures, 0);
+    }
+    let told = run(&world().record(&elbow_off(Plan { postures: 1, ..Plan::default() }))).warnings;
+    assert!(told.iter().any(|w| w.starts_with("only 1 posture:")), "{told:?}");
+}
+
+/// Three postures are the fewest for a statement, and too few to hold some out: the sentence does not claim it.
+#[test]
+fn of_three_postures_none_is_said_to_be_held_out() {
+    let of =
+        |postures: usize| run(&world().record(&elbow_off(Plan { postures, views: 3, ..Plan::default() })));
+    let (three, four) = (of(3), of(4));
+    assert_eq!((three.gap.held_out_postures, four.gap.held_out_postures), (0, 4));
+    for told in [three, four] {
+        let claims = told.sentence.contains("on postures that the fit did not see");
+        assert_eq!(claims, told.gap.held_out_postures == 4, "{}", told.sentence);
+    }
+}
+
 #[test]
 fn one_frame_gives_an_answer_with_a_warning() {
     let diagnosis = run(&world().record(&elbow_off(Plan { postures: 1, views: 1, ..Plan::default() })));
@@ -130,6 +158,22 @@ fn joints_that_never_move_are_not_called_by_their_position() {
         assert!(!ranked.at.starts_with("joint:l_"), "{ranked:?}");
     }
     assert_eq!(diagnosis.causes.len(), 0, "{diagnosis:?}");
+}
+
+/// Rows that are left out whole are left out, too: the warning counts all that is far from the model.
+#[test]
+fn rows_with_typed_digits_are_warned_of() {
+    let mut recording = world().record(&Plan { postures: 40, views: 1, ..Plan::default() });
+    for f in [5, 17, 29] {
+        recording.frames[f].commanded[1] += 0.4;
+        recording.frames[f].commanded[2] -= 0.5;
+        recording.frames[f].commanded[5] += 0.4;
+        recording.frames[f].commanded[6] -= 0.6;
+    }
+    let told = run(&recording);
+    assert!(told.data.points_given - told.data.points_used > 10, "{:?}", told.data);
+    let warned = |w: &String| w.contains("far from the best model and were left out as false");
+    assert!(told.warnings.iter().any(warned), "{:?} {:?}", told.warnings, told.data.left_out);
 }
 
 #[test]

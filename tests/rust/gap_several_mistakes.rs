@@ -339,3 +339,50 @@ fn exchanged_names_beside_a_camera_of_another_resolution_are_no_markers_on_other
     assert_eq!(named(&diagnosis), wanted, "{:?}", diagnosis.trace);
     assert_near(&diagnosis, "camera_resolution", "factor", 2.0, 1e-12);
 }
+
+/// Mirrored pictures show no board that a mirror explains, so that nothing is compared before: no number says how much that is, and
+/// all the gap lies there.
+#[test]
+fn a_mistake_without_which_nothing_is_compared_comes_first_and_has_the_gap() {
+    let world = world();
+    let mut recording = world.record(&plan(46, vec![Wrong::Offset(world.bone("r_elbow"), 0.04)]));
+    for sighting in recording.frames.iter_mut().flat_map(|f| &mut f.sightings) {
+        sighting.pixel.x = 799.0 - sighting.pixel.x;
+    }
+    let diagnosis = run(&world, &recording);
+    assert!(diagnosis.gap.before_px.is_none() && diagnosis.gap.before_m.is_none(), "{:?}", diagnosis.gap);
+    let effects: Vec<&str> = diagnosis.causes.iter().map(|c| c.effect.as_str()).collect();
+    assert_eq!(effects, ["picture_flipped", "joint_offset"], "{}", diagnosis.sentence);
+    let place = &diagnosis.r#where[0];
+    assert_eq!((place.at.as_str(), place.share), ("camera", 1.0));
+    let steps: Vec<bool> = diagnosis.gap.steps.iter().map(|step| step.rms_px.is_some()).collect();
+    assert_eq!(steps, [false, true, true]);
+}
+
+/// What is listed as left out is found in the file by its frame and its name, also where the name is another marker's.
+#[test]
+fn what_is_left_out_is_listed_under_the_name_that_the_file_has() {
+    let world = world();
+    let mut recording = world.record(&plan(47, vec![]));
+    let of = |name: &str| recording.markers.iter().position(|m| m.name == name).unwrap();
+    let (a, b) = (of("l_hand"), of("r_hand"));
+    let mut moved = Vec::new();
+    for (f, frame) in recording.frames.iter_mut().enumerate() {
+        for sighting in &mut frame.sightings {
+            sighting.target = match sighting.target {
+                Target::Marker(m) if m == a => Target::Marker(b),
+                Target::Marker(m) if m == b => Target::Marker(a),
+                other => other,
+            };
+            if sighting.target == Target::Marker(b) && [11, 12, 30, 51].contains(&f) {
+                sighting.pixel.x += 60.0;
+                moved.push((frame.number, "r_hand".to_owned()));
+            }
+        }
+    }
+    let diagnosis = run(&world, &recording);
+    assert_eq!(diagnosis.causes[0].effect, "markers_swapped", "{}", diagnosis.sentence);
+    let listed: Vec<(i64, String)> =
+        diagnosis.data.left_out.iter().map(|l| (l.frame, l.target.clone())).collect();
+    assert_eq!(listed, moved);
+}

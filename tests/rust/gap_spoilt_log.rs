@@ -125,6 +125,31 @@ fn a_zero_that_is_lost_in_the_middle_is_no_drift_and_is_told_from_its_row_on() {
     }
 }
 
+/// How much of the squares of what is wrong lies at each place is told in one unit: of two elbows as of their angles.
+#[test]
+fn beside_a_lost_zero_each_place_has_its_share() {
+    let world = World::new(4, true);
+    let mut recording = world.record(&Plan { postures: 81, seed: 47, ..Plan::default() });
+    let (stepped, other) = (column(&world, "r_elbow"), column(&world, "l_elbow"));
+    let (by, first) = (column(&world, "l_shoulder_roll"), recording.frames.len() / 2);
+    let (mut of_step, mut of_law) = (0.0, 0.0);
+    for (f, frame) in recording.frames.iter_mut().enumerate() {
+        let (law, step) = (0.1 * frame.commanded[by].powi(2), if f < first { 0.0 } else { 0.15 });
+        frame.commanded[other] += law;
+        frame.commanded[stepped] += step;
+        of_law += law * law;
+        of_step += step * step;
+    }
+    let told = diagnosed(&world, &recording);
+    let share = |name: &str| {
+        let of_it = told.r#where.iter().filter(|w| w.at == format!("joint:{name}"));
+        of_it.map(|w| w.share).sum::<f64>()
+    };
+    let (found, truth) = (share("r_elbow"), of_step / (of_step + of_law));
+    assert!(share("l_elbow") > 0.0, "{:?} {} {:#?}", told.r#where, told.sentence, told.trace);
+    assert!((found - truth).abs() < 0.02, "{found} of {truth} {:?} {}", told.r#where, told.sentence);
+}
+
 #[test]
 fn a_zero_that_is_lost_beside_a_cause_is_no_drift_of_its_joint() {
     let world = World::new(4, true);

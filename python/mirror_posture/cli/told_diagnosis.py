@@ -47,6 +47,7 @@ def show_diagnosis(output: Output, folder: Path, found: Diagnosis) -> None:
         dependence,
         effect_in_words,
         ground_words,
+        left_out_words,
         millimetres,
         numbers_in_words,
         percent,
@@ -102,10 +103,15 @@ def show_diagnosis(output: Output, folder: Path, found: Diagnosis) -> None:
         if c.ground is not None:
             gaps.append(("… on its own ground", "", millimetres(c.ground.after_m), ""))
             closed += f"{'; ' if closed else ''}{c.session}: {ground_words(c.ground)}"
+        if c.left_out is not None:
+            closed += f"{'; ' if closed else ''}{c.session}: {left_out_words(c.left_out)}"
     gaps += [
         (f"marker {w.marker}, withheld", millimetres(w.before_m), millimetres(w.after_m), "")
         for w in found.witness
     ]
+    for w in found.witness:
+        if w.left_out is not None:
+            closed += f"{'; ' if closed else ''}marker {w.marker}: {left_out_words(w.left_out)}"
     output.table(
         "Gap between prediction and observation, RMS, mm",
         ("~on", "before", "after", "noise floor"),

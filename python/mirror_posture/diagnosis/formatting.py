@@ -9,7 +9,8 @@ from dataclasses import dataclass
 from itertools import groupby
 from typing import Any
 
-from .parts import Cause, Estimate, Ground, Member
+from ..counted import counted
+from .parts import Cause, Estimate, Ground, LeftOutThere, Member
 from .result import Diagnosis
 from .vocabulary import BESIDE, IN_WORDS, remedy
 
@@ -195,6 +196,13 @@ def ground_words(ground: Ground) -> str:
         if abs(c) > 3.0 * std
     ]
     return f"its base turns by {' and '.join(turns) or 'a little'} under the robot's weight, beyond what the causes contain"
+
+
+def left_out_words(left_out: LeftOutThere) -> str:
+    """What of another session was left out as false."""
+    boards = [f"{counted(left_out.boards, 'board')} that no flat mirror explains"] if left_out.boards else []
+    points = [f"{left_out.points} of {counted(left_out.points_given, 'observation')} of markers"]
+    return f"left out of it as false: {' and '.join((points if left_out.points else []) + boards)}"
 
 
 def steps(found: Diagnosis) -> str:

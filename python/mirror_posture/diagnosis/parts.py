@@ -110,23 +110,37 @@ class Ground:
 
 
 @dataclass(frozen=True)
+class LeftOutThere:
+    """What of another session was left out as false, as a diagnosis of it would: observations of markers (of how many), and boards
+    that no flat mirror explains."""
+
+    points: int
+    points_given: int
+    boards: int
+
+
+@dataclass(frozen=True)
 class Checked:
     """Another session, predicted with nothing of it fitted but its own mirrors, or the frame of its points: RMS distance before and
-    after, m (None where no marker can be compared). `ground`: where its base yields otherwise than in the first session."""
+    after, m (None where no marker can be compared). `ground`: where its base yields otherwise than in the first session. `left_out`:
+    what is in neither figure, where something is false."""
 
     session: str
     before_m: float | None
     after_m: float | None
     ground: Ground | None = None
+    left_out: LeftOutThere | None = None
 
 
 @dataclass(frozen=True)
 class Witness:
-    """A marker that was withheld from the fit, predicted by it: RMS distance before and after, m."""
+    """A marker that was withheld from the fit, predicted by it: RMS distance before and after, m. `left_out`: what is in neither
+    figure, where something is false."""
 
     marker: str
     before_m: float | None
     after_m: float | None
+    left_out: LeftOutThere | None = None
 
 
 @dataclass(frozen=True)

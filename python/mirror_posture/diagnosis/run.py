@@ -128,6 +128,7 @@ def diagnose(
                 "before_m": entry["before_m"],
                 "after_m": entry["after_m"],
             }
+            | ({"left_out": entry["left_out"]} if "left_out" in entry else {})
             for entry in checked
             if entry["session"].startswith(WITNESS)
         ]

@@ -57,7 +57,7 @@ mod selection;
 #[cfg(test)]
 mod tests;
 
-pub use data::checked::{Checked, Ground};
+pub use data::checked::{Checked, Ground, LeftOutThere};
 pub use data::depends_on::DependsOn;
 pub use data::diagnosis::{
     Alternative, Cause, ChosenAnew, Data, Diagnosis, Estimate, Field, FieldPoint, Gap, GapStep, Limit,

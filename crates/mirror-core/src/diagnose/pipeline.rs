@@ -1,9 +1,10 @@
 //! From a recording to a diagnosis: the order in which the stages run.
 
+use crate::diagnose::assessment::came_back::came_back;
 use crate::diagnose::assessment::evidence::{self, Sources};
-use crate::diagnose::assessment::false_together::came_back;
 use crate::diagnose::assessment::findings::Findings;
 use crate::diagnose::assessment::left_out_together::LeftOutTogether;
+use crate::diagnose::assessment::names_in_file::as_in_file;
 use crate::diagnose::assessment::nested::chosen_anew;
 use crate::diagnose::assessment::other_session::check;
 use crate::diagnose::assessment::survivors::keep_survivors;
@@ -36,6 +37,7 @@ use crate::diagnose::report::reservations::{background_was_taken, hangs_on_regio
 use crate::diagnose::report::rounded_positions::positions_are_rounded;
 use crate::diagnose::report::seen_markers::seen_markers;
 use crate::diagnose::report::spoilt_column::column_is_spoilt;
+use crate::diagnose::report::warnings::warnings;
 use crate::diagnose::selection::correlated_noise::allow_for_correlation;
 use crate::diagnose::selection::erratic_joint::column_says_nothing;
 use crate::diagnose::selection::extended_models::extend_models;
@@ -192,13 +194,15 @@ pub(crate) fn diagnose(
     let (its_robot, its_recording) = (prepared.robot(robot), prepared.recording(recording));
     let mut diagnosis = build::diagnosis(&mut findings, its_robot, its_recording, &ranking, checked)?;
     diagnosis.gap.chosen_anew = anew;
-    diagnosis.warnings.extend(hangs_on_regions(&diagnosis.gap));
     let (arranged, left_out) = (&prepared.arranged, &prepared.left_out);
     let sources = Sources { given: recording, arranged, left_out };
     diagnosis.data = evidence::data(&sources, &findings)?;
+    diagnosis.warnings = warnings(&findings, &diagnosis.data);
+    diagnosis.warnings.extend(hangs_on_regions(&diagnosis.gap));
     let together = told_together(&diagnosis, &findings.search.problem);
     warn_of_data(&mut diagnosis, recording, &prepared, &findings, together.as_ref())?;
     reserve(&mut diagnosis, &findings, together);
+    as_in_file(&mut diagnosis.data, &findings.mistakes);
     optics_together::limit(&mut diagnosis);
     let not_flat = not_flat(&findings)?;
     if options.markers {
@@ -235,7 +239,7 @@ fn warn_of_data(
 ) -> Result<()> {
     diagnosis.warnings.extend(background_was_taken(&diagnosis.data));
     let told = together.filter(|it| it.depends_on == DependsOn::Time).map(|it| it.marker.as_str());
-    diagnosis.warnings.extend(came_back(recording, &diagnosis.data, told));
+    diagnosis.warnings.extend(came_back(&findings.search.problem, &diagnosis.data, told));
     diagnosis.warnings.extend(rows_are_missing(recording));
     diagnosis.warnings.extend(column_is_spoilt(prepared, &prepared.arranged.frame_numbers));
     diagnosis.warnings.extend(positions_are_rounded(findings)?);

@@ -232,7 +232,7 @@ fn is_marker(target: Target) -> bool {
     matches!(target, Target::Marker(_))
 }
 
-fn same(a: &Observation, b: &Observation) -> bool {
+pub(super) fn same(a: &Observation, b: &Observation) -> bool {
     match (a, b) {
         (
             Observation::Pixel { seen: Seen::Marker(m), via: v, pixel: p },

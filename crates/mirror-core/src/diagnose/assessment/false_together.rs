@@ -20,27 +20,9 @@ use std::collections::BTreeSet;
 pub(crate) fn lies_together(recording: &Recording, data: &Data) -> bool {
     let seen = seen(recording, data);
     let Some(p) = false_share(&seen) else { return false };
-    let in_a_run = (0..recording.markers.len()).filter_map(|m| run_of(&seen, p, m)).map(|run| run.gain);
+    let of_marker = |m: usize| seen.iter().filter_map(|of_frame| of_frame[m]).collect::<Vec<bool>>();
+    let in_a_run = (0..recording.markers.len()).filter_map(|m| run_of(&of_marker(m), p)).map(|run| run.gain);
     in_a_run.fold(0.0, f64::max).max(at_once(&seen, p)) > -LOG_PRIOR_STRUCTURE
-}
-
-/// The warning if a marker was left out in most of a run of frames: it moved, and came back. None where that is `told` of the
-/// marker already.
-pub(crate) fn came_back(recording: &Recording, data: &Data, told: Option<&str>) -> Option<String> {
-    let seen = seen(recording, data);
-    let p = false_share(&seen)?;
-    let runs = (0..recording.markers.len()).filter_map(|m| Some((m, run_of(&seen, p, m)?)));
-    let (marker, run) = runs.max_by(|a, b| a.1.gain.total_cmp(&b.1.gain))?;
-    let name = recording.markers[marker].name.as_str();
-    (run.gain > -LOG_PRIOR_STRUCTURE && told != Some(name)).then(|| {
-        format!(
-            "{name} was left out in {} of the {} frames from {} to {} that show it: something touched it there, or was taken for it; look at these frames, and fasten it",
-            run.left_out,
-            run.shown,
-            recording.frames[run.first].number,
-            recording.frames[run.last].number
-        )
-    })
 }
 
 /// Of each frame, by marker, whether it was left out; none where it was not seen.
@@ -73,30 +55,19 @@ fn false_share(seen: &Seen) -> Option<f64> {
     (p > 0.0 && p < MAJORITY).then_some(p)
 }
 
-/// A run of frames in which a marker was left out more often than elsewhere.
-struct Run {
-    gain: f64,
-    /// Frames, by index.
-    first: usize,
-    last: usize,
-    shown: usize,
-    left_out: usize,
+/// A run in which a marker was left out more often than elsewhere: from one to another of what shows it.
+pub(super) struct Run {
+    pub gain: f64,
+    pub first: usize,
+    pub last: usize,
 }
 
-fn run_of(seen: &Seen, p: f64, marker: usize) -> Option<Run> {
+/// The run that gains most over chance, of what shows one marker: whether it was left out; `p` is the share that was of all.
+pub(super) fn run_of(outs: &[bool], p: f64) -> Option<Run> {
     let gain = |out: bool| (MAJORITY / if out { p } else { 1.0 - p }).ln();
-    let (frames, outs): (Vec<usize>, Vec<bool>) =
-        seen.iter().enumerate().filter_map(|(f, of_frame)| Some((f, of_frame[marker]?))).unzip();
     let gains: Vec<f64> = outs.iter().map(|out| gain(*out)).collect();
     let (first, last) = best_run(&gains)?;
-    let its = first..=last;
-    Some(Run {
-        gain: gains[its.clone()].iter().sum(),
-        first: frames[first],
-        last: frames[last],
-        shown: its.clone().count(),
-        left_out: outs[its].iter().filter(|out| **out).count(),
-    })
+    Some(Run { gain: gains[first..=last].iter().sum(), first, last })
 }
 
 /// The gain over chance of frames in which both of two markers are false, for the pair with the largest gain.

@@ -26,8 +26,6 @@ pub(crate) struct Findings<'a> {
     pub unexplained: Option<Unexplained>,
     /// How sure each cause is; none for free-form errors.
     pub standings: Vec<Option<Standing>>,
-    /// Share of the markers' observations that were left out as false.
-    pub false_share: f64,
     /// Whole mistakes of model or log, which are undone in the search's problem.
     pub mistakes: Vec<Cause>,
     /// Mistakes that a small error could be instead.

@@ -80,14 +80,14 @@ const SHARES: [Grid; 2] = [0.0, 1.0 / 3.0];
 
 /// A posture in which a marker was given: its first row, how many observations there are of it, and how many were left out.
 #[derive(Clone, Copy)]
-struct Posture {
-    row: usize,
-    seen: usize,
-    off: usize,
+pub(super) struct Posture {
+    pub row: usize,
+    pub seen: usize,
+    pub off: usize,
 }
 
 /// The postures of each marker of which some observations were left out, in the order of their rows.
-fn given_postures<'a>(data: &'a Data, problem: &Problem) -> BTreeMap<&'a str, Vec<Posture>> {
+pub(super) fn given_postures<'a>(data: &'a Data, problem: &Problem) -> BTreeMap<&'a str, Vec<Posture>> {
     let row_of: BTreeMap<i64, usize> =
         problem.frame_numbers.iter().enumerate().map(|(row, number)| (*number, row)).collect();
     let mut left_out: BTreeMap<&str, Vec<usize>> = BTreeMap::new();

@@ -1,13 +1,16 @@
 //! Assessment of the result: noise floor, gap closed, uncertainty, stability, next postures.
 
+pub(super) mod came_back;
 pub(super) mod design;
 pub(super) mod evidence;
+mod false_there;
 pub(super) mod false_together;
 pub(super) mod findings;
 pub(super) mod gap_closed;
 mod its_ground;
 pub(super) mod left_out_together;
 pub(super) mod limits;
+pub(super) mod names_in_file;
 pub(super) mod nested;
 pub(super) mod noise_floor;
 pub(super) mod other_session;

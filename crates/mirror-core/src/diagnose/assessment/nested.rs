@@ -31,7 +31,8 @@ use rayon::prelude::*;
 /// Invalid parameters of the camera or mirror.
 pub(crate) fn chosen_anew(findings: &Findings<'_>, ranking: &[Score]) -> Result<Option<ChosenAnew>> {
     let (search, found) = (&findings.search, &findings.found);
-    let (problem, catalogue) = (&search.problem, search.catalogue);
+    // Beside a lost zero the gap is that of the session as it was logged.
+    let (problem, catalogue) = (findings.reported(), search.catalogue);
     let labels = regions(problem);
     let parts = frames_of(&labels);
     let named = found.fit.model.terms.iter().any(|t| !catalogue.is_free(t.hypothesis));
@@ -60,7 +61,7 @@ pub(crate) fn chosen_anew(findings: &Findings<'_>, ranking: &[Score]) -> Result<
             let mut model = fit(problem, catalogue, &search.group, &start, options, Some(&train))?.model;
             // Free-form errors cannot be added to a model.
             model.terms.retain(|t| !catalogue.is_free(t.hypothesis));
-            let deformation = search.deformation(&model);
+            let deformation = model.deformation(problem, catalogue, &search.group.columns);
             Ok((true, gaps_in(problem, &deformation, search.detector_noise(), Some(&test))?))
         })
         .collect::<Result<Vec<_>>>()?;

@@ -1,6 +1,7 @@
 //! The causes on another session: predicted with the values found; only that session's nuisance parameters are
-//! fitted.
+//! fitted. What a diagnosis of it would leave out is left out before and after.
 
+use crate::diagnose::assessment::false_there::{self, leave_out_of, without_contradicted};
 use crate::diagnose::assessment::findings::Findings;
 use crate::diagnose::assessment::its_ground::{is_other_ground, on_its_ground, told, with_ground};
 use crate::diagnose::data::checked::{Checked, Ground};
@@ -13,6 +14,7 @@ use crate::diagnose::likelihood::saturated::free_markers;
 use crate::diagnose::model::elementary::{Column, Weight};
 use crate::diagnose::model::problem::{Noise, Problem};
 use crate::diagnose::model::solver::SOLVER;
+use crate::diagnose::prepare::boards::leave_out_wrong_grids;
 use crate::diagnose::prepare::options::OtherSession;
 use crate::diagnose::prepare::prepared::Prepared;
 use crate::diagnose::principles::A_GAP;
@@ -25,22 +27,43 @@ pub(crate) fn check(findings: &Findings<'_>, prepared: &Prepared, other: &OtherS
     let recording = other.recording.clone().validated(other.robot.position_count())?;
     let mut given = Problem::new(&other.robot, &recording)?;
     given.cancel = findings.search.problem.cancel.clone();
-    let mut problem = prepared.in_another_session(&other.robot, &recording, given.clone())?;
+    let whole = prepared.in_another_session(&other.robot, &recording, given.clone())?;
+    let mut problem = whole.clone();
+    leave_out_wrong_grids(&mut problem);
     problem.noise = noise::estimate(&problem, &problem.nominal(), problem.noise)?;
     given.noise = problem.noise;
     let here = &findings.search;
     let mut effects = vocabulary();
     effects.extend(own_effects(&other.own, &problem.scene)?);
     let catalogue = Catalogue::new(&problem.scene, effects.into_iter().map(Arc::from).collect(), &[]);
-    let nominal = Model { frozen: true, ..Model::nominal(&given) };
-    let before_m = predicted(&given, &catalogue, &nominal, &Group::default())?.gap_m;
     let found = &findings.found.fit.model;
     let terms = found.causes_in((here.catalogue, &here.problem.scene), (&catalogue, &problem.scene));
     let (group, values) = constant_part(findings, &problem);
     let model = Model { frozen: true, terms, group: values, ..Model::nominal(&problem) };
-    let after = predicted(&problem, &catalogue, &model, &group)?;
+    let after = without_its_false(&problem, &catalogue, &model, &group)?;
     let ground = ground(&after, &catalogue, &model, &group)?;
-    Ok(Checked { session: other.name.clone(), before_m, after_m: after.gap_m, ground })
+    leave_out_of(&mut given, &whole, &after.problem);
+    let nominal = Model { frozen: true, ..Model::nominal(&given) };
+    let before_m = predicted(&given, &catalogue, &nominal, &Group::default())?.gap_m;
+    let left_out = false_there::told(&whole, &after.problem);
+    Ok(Checked { session: other.name.clone(), before_m, after_m: after.gap_m, ground, left_out })
+}
+
+/// The session predicted without what is false there. What is very far widens the noise by which the rest is judged, so that the
+/// rest is judged again.
+fn without_its_false(
+    problem: &Problem,
+    catalogue: &Catalogue,
+    model: &Model,
+    group: &Group,
+) -> Result<Predicted> {
+    let mut there = predicted(problem, catalogue, model, group)?;
+    for _ in 0..SOLVER.rounds {
+        let deformation = there.fit.model.deformation(&there.problem, catalogue, &group.columns);
+        let Some(clean) = without_contradicted(&there.problem, &deformation, there.noise)? else { break };
+        there = predicted(&clean, catalogue, model, group)?;
+    }
+    Ok(there)
 }
 
 /// How its base yields otherwise, where that is far more probable than not, and without it there is a gap.

@@ -35,7 +35,7 @@ pub(crate) fn weighed<'a>(
     nominal: &Model,
     prepared: &Prepared,
 ) -> Result<Findings<'a>> {
-    let Extended { mut geometry, erratic, unnamed, unnamed_law, clean, false_share } = extended;
+    let Extended { mut geometry, erratic, unnamed, unnamed_law, clean } = extended;
     let scattered = search.scatter.map(|_| Unexplained::scattered());
     search.problem = clean;
     let unfinished = search.problem.budget.is_spent() && geometry.is_none();
@@ -114,7 +114,6 @@ pub(crate) fn weighed<'a>(
         before,
         after,
         unexplained,
-        false_share,
         standings,
         mistakes: prepared.mistakes().to_vec(),
         doubts,
@@ -125,7 +124,7 @@ pub(crate) fn weighed<'a>(
 
 /// The gap of the nominal model of a session as it was given. What the session states as unknown (mounts, the frame of measured points) is
 /// fitted; without that there is nothing to fit.
-fn as_given(search: &Search<'_>, given: &Problem) -> Result<Vec<PostureGap>> {
+pub(super) fn as_given(search: &Search<'_>, given: &Problem) -> Result<Vec<PostureGap>> {
     let nominal = Model::nominal(given);
     if nominal.nuisances.is_empty() {
         return in_sample(given, &given.nominal(), search.detector_noise());

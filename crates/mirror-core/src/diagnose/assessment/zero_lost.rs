@@ -5,13 +5,16 @@
 //! row.
 
 use crate::diagnose::assessment::findings::Findings;
-use crate::diagnose::criteria::cross_validation::{PostureGap, held_out, in_sample, seen_size};
+use crate::diagnose::assessment::weighed::as_given;
+use crate::diagnose::criteria::cross_validation::{PostureGap, held_out, seen_size};
+use crate::diagnose::criteria::marker_shift::marker_shift;
 use crate::diagnose::data::depends_on::DependsOn;
 use crate::diagnose::effects::Place;
 use crate::diagnose::effects::hypothesis::Model;
+use crate::diagnose::model::elementary::{Atom, Column, Weight};
 use crate::diagnose::model::problem::Noise;
 use crate::diagnose::model::solver::NEGLIGIBLE;
-use crate::diagnose::prepare::first_day::ZERO_LOST;
+use crate::diagnose::prepare::first_day::{Step, ZERO_LOST};
 use crate::diagnose::prepare::prepared::Prepared;
 use crate::diagnose::principles::{A_GAP, LEAST_LOG_ODDS, TEMPER};
 use crate::diagnose::selection::alternatives::held_out_odds;
@@ -63,7 +66,7 @@ pub(crate) fn tell_step(
         held_out(&as_logged, search.catalogue, &search.group, &found.fit.model, found.noise, measured, true)
     };
     findings.after = after(findings)?;
-    findings.before = in_sample(&prepared.given, &prepared.given.nominal(), measured)?;
+    findings.before = as_given(&findings.search, &prepared.given)?;
     if named_in_vain(&findings.search, &findings.found, &findings.before, &findings.after) {
         // They explain what undoing the step did, not what was logged.
         let left = "with the zero as logged they leave the gap no smaller";
@@ -75,7 +78,7 @@ pub(crate) fn tell_step(
     let here = UnexplainedPlace {
         place: Some(Place::Joint(step.node)),
         depends_on: Some(DependsOn::RowsFrom(step.first_frame)),
-        shift: seen_size(&findings.after).powi(2),
+        shift: shift(findings, step)?,
     };
     let others = findings.unexplained.take().map(|u| u.places).unwrap_or_default();
     let others = others.into_iter().filter(|p| p.place.is_some_and(|at| at != Place::Joint(step.node)));
@@ -83,4 +86,18 @@ pub(crate) fn tell_step(
     // With what was found after the step: the model's numbers are those of this session.
     findings.step = Some((step.clone(), as_logged));
     Ok(Some(beside))
+}
+
+/// How far the step moves the markers, as it is told of the other places.
+fn shift(findings: &Findings<'_>, step: &Step) -> Result<f64> {
+    let (search, model) = (&findings.search, &findings.found.fit.model);
+    let first = search.problem.frame_numbers.iter().position(|number| *number == step.first_frame);
+    let first = first.unwrap_or(0);
+    let weights = (0..search.problem.frames.len()).map(|f| f64::from(u8::from(f >= first)));
+    let column = Column { atom: Atom::Joint(step.node), weight: Weight::Frames(weights.collect()) };
+    // In the search's problem it is undone.
+    let undone = search.deformation(model);
+    let mut as_logged = undone.clone();
+    column.add(-step.offset, &search.problem.scene, &mut as_logged);
+    Ok(marker_shift(&search.problem, &as_logged, &undone, search.measured_noise)?.iter().sum())
 }

@@ -14,6 +14,20 @@ pub struct Checked {
     /// How its base yields otherwise than in the first session; none where it does not, or where that is not seen.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub ground: Option<Ground>,
+    /// What was left out of both figures as false; none where nothing was.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub left_out: Option<LeftOutThere>,
+}
+
+/// What of another session was left out as false, as a diagnosis of it would.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+pub struct LeftOutThere {
+    /// Observations of markers.
+    pub points: usize,
+    /// Of how many.
+    pub points_given: usize,
+    /// Boards that no flat mirror explains.
+    pub boards: usize,
 }
 
 /// How another session's base turns under the robot's weight beyond what the causes say, `ω = diag(c) M` with the moment M of the

@@ -1,4 +1,5 @@
-//! Builds the diagnosis from the findings: verdict, causes with probabilities, where the gap lies, before and after.
+//! Builds the diagnosis from the findings: verdict, causes with probabilities, where the gap lies, before and after. Data and warnings
+//! are added to it.
 
 use crate::diagnose::assessment::findings::Findings;
 use crate::diagnose::assessment::gap_closed::gap_over;
@@ -6,6 +7,7 @@ use crate::diagnose::assessment::limits::limits;
 use crate::diagnose::assessment::noise_floor::Floor;
 use crate::diagnose::assessment::stability::stability;
 use crate::diagnose::assessment::uncertainty::deviations;
+use crate::diagnose::criteria::regions::regions;
 use crate::diagnose::data::checked::Checked;
 use crate::diagnose::data::diagnosis::{Cause, Data, Diagnosis, Ranked, VERSION, Verdict};
 use crate::diagnose::data::recording::Recording;
@@ -15,10 +17,9 @@ use crate::diagnose::report::another_resolution::put_together;
 use crate::diagnose::report::gap_steps::{Part, gap_steps};
 use crate::diagnose::report::joint_signatures::signatures;
 use crate::diagnose::report::named_causes::named_causes;
-use crate::diagnose::report::places::places;
+use crate::diagnose::report::places::{nothing_was_compared, places};
 use crate::diagnose::report::reservations::{as_before, beside_remainder, where_cut_off, worse_than_before};
 use crate::diagnose::report::sentence::sentence;
-use crate::diagnose::report::warnings::warnings;
 use crate::diagnose::selection::standing::Standing;
 use crate::error::Result;
 use crate::robot::Robot;
@@ -43,13 +44,20 @@ pub(crate) fn diagnosis(
     let deviations = deviations(findings, &floor)?;
     let mut told = named_causes(findings, &standings, &deviations)?;
     put_together(&mut told, &findings.search.problem);
-    told.sort_by(|a, b| b.0.rms_shift.total_cmp(&a.0.rms_shift));
+    // Without which nothing could be compared: no number says how much that moves, and all else is less.
+    let unmeasured = nothing_was_compared(findings);
+    let whole = |part: &Part| unmeasured && *part == Part::Mistake;
+    told.sort_by(|a, b| whole(&b.1).cmp(&whole(&a.1)).then_with(|| b.0.rms_shift.total_cmp(&a.0.rms_shift)));
     let (mut causes, parts): (Vec<Cause>, Vec<Part>) = told.into_iter().unzip();
     add_stability(findings, &standings, ranking, (&mut causes, &parts))?;
     beside_remainder(&mut causes, findings, recording)?;
     where_cut_off(&mut causes, &parts, findings);
     let mut gap = gap_over(&findings.before, &findings.after, &floor, &deviations.law_shifts, checked);
     gap.steps = gap_steps(findings, &causes, &parts)?;
+    // Of a single region nothing is held out.
+    if regions(findings.reported()).iter().all(|region| *region == 0) {
+        gap.held_out_postures = 0;
+    }
     if causes.is_empty() && worse_than_before(&gap) {
         as_before(&mut gap);
     }
@@ -102,7 +110,7 @@ pub(crate) fn diagnosis(
         next_postures: crate::diagnose::assessment::design::next_postures(
             findings, &standings, robot, recording,
         )?,
-        warnings: warnings(findings),
+        warnings: Vec::new(),
         noise: noise_map,
         trace: findings.found.trace.clone(),
         ranking,

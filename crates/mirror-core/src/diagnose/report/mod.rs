@@ -25,4 +25,4 @@ pub(super) mod sentence;
 pub(super) mod setup_causes;
 pub(super) mod signature;
 pub(super) mod spoilt_column;
-mod warnings;
+pub(super) mod warnings;

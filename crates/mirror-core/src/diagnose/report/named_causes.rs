@@ -207,7 +207,8 @@ fn of_small_errors(
     Ok((cause, Part::Group { columns: own, terms: outliers }))
 }
 
-/// Whole mistakes in the session, which were undone before: together they moved what the gap lost.
+/// Whole mistakes in the session, which were undone before: together they moved what the gap lost (nothing that can be told in numbers
+/// where nothing could be compared before).
 fn of_mistakes(findings: &Findings<'_>) -> Vec<Cause> {
     let moved = (seen_size(&findings.before).powi(2) - seen_size(&findings.after).powi(2)).max(0.0).sqrt();
     let each = moved / (findings.mistakes.len() as f64).sqrt();

@@ -1,26 +1,34 @@
 //! Shares of the gap by place: what each cause moves, and what is unexplained.
 
 use crate::diagnose::assessment::findings::Findings;
-use crate::diagnose::criteria::cross_validation::seen_size;
+use crate::diagnose::criteria::cross_validation::{seen_size, size};
 use crate::diagnose::data::diagnosis::{Cause, Where};
 use crate::diagnose::report::rms_shift::noise_square;
 
-/// Places by their share of the explained and unexplained squares, the largest first.
+/// Whether mistakes were undone without which nothing of the session as it was given could be compared with the model.
+pub(super) fn nothing_was_compared(findings: &Findings<'_>) -> bool {
+    let before = size(&findings.before);
+    !findings.mistakes.is_empty() && before.told_m().is_none() && before.rms_px.is_none()
+}
+
+/// Places by their share of the explained and unexplained squares, the largest first. Mistakes without which nothing could be compared
+/// have all of it.
 pub(super) fn places(findings: &Findings<'_>, causes: &[Cause]) -> Vec<Where> {
     let mut out: Vec<Where> = Vec::new();
-    let explained: f64 = causes.iter().map(|c| c.rms_shift.powi(2)).sum();
+    let whole = |c: &Cause| findings.mistakes.iter().any(|m| m.effect == c.effect && m.at == c.at);
+    let unmeasured = nothing_was_compared(findings) && causes.iter().any(whole);
+    let square = |c: &Cause| if unmeasured { f64::from(u8::from(whole(c))) } else { c.rms_shift.powi(2) };
+    let explained: f64 = causes.iter().map(square).sum();
     let after = seen_size(&findings.after).powi(2);
     let floor = noise_square(&findings.search.problem, findings.search.detector_noise());
-    let left = if findings.unexplained.is_some() { (after - floor).max(0.0) } else { 0.0 };
+    let is_left = findings.unexplained.is_some() && !unmeasured;
+    let left = if is_left { (after - floor).max(0.0) } else { 0.0 };
     let total = (explained + left).max(1e-30);
     for cause in causes {
+        let share = square(cause) / total;
         match out.iter_mut().find(|w| w.at == cause.at) {
-            Some(w) => w.share += cause.rms_shift.powi(2) / total,
-            None => out.push(Where {
-                at: cause.at.clone(),
-                share: cause.rms_shift.powi(2) / total,
-                depends_on: None,
-            }),
+            Some(w) => w.share += share,
+            None => out.push(Where { at: cause.at.clone(), share, depends_on: None }),
         }
     }
     if let Some(unexplained) = &findings.unexplained {

@@ -217,15 +217,30 @@ fn name_nothing_more(diagnosis: &mut Diagnosis) {
         "There is a gap that no effect explains: what was found leaves it larger on postures that the fit did not see."
             .into();
     diagnosis.verdict = Verdict::Unknown;
+    take_causes_back(diagnosis);
+    diagnosis.r#where = vec![Where { at: Where::NOWHERE.into(), share: 1.0, depends_on: None }];
+}
+
+/// Without causes: neither what is drawn of them, nor what would separate them, nor how far they close the gap.
+fn take_causes_back(diagnosis: &mut Diagnosis) {
+    let of_regions = hangs_on_regions(&diagnosis.gap);
+    diagnosis.warnings.retain(|told| Some(told) != of_regions.as_ref());
     diagnosis.causes.clear();
     diagnosis.signatures.clear();
+    diagnosis.tracks.clear();
+    diagnosis.fields.clear();
+    diagnosis.next_postures.clear();
     as_before(&mut diagnosis.gap);
 }
 
 /// The gap of the nominal model, where nothing is named.
 pub(crate) fn as_before(gap: &mut Gap) {
     gap.steps.truncate(1);
-    (gap.after_m, gap.after_px, gap.closed_ci95) = (gap.before_m, gap.before_px, None);
+    // What could not be predicted is not predicted by the nominal model either.
+    if gap.is_told() {
+        (gap.after_m, gap.after_px) = (gap.before_m, gap.before_px);
+    }
+    gap.closed_ci95 = None;
     gap.closed = gap.closed.map(|_| 0.0);
     gap.chosen_anew = None;
 }
@@ -306,14 +321,9 @@ pub(crate) fn reserve(diagnosis: &mut Diagnosis, findings: &Findings<'_>, togeth
     if evidence::insufficient(&diagnosis.data) || !diagnosis.gap.is_told() {
         diagnosis.sentence = evidence::what_is_missing(&diagnosis.data);
         diagnosis.verdict = Verdict::Insufficient;
-        diagnosis.causes.clear();
-        diagnosis.gap.steps.truncate(1);
+        take_causes_back(diagnosis);
         diagnosis.limits.clear();
         diagnosis.r#where.clear();
-        diagnosis.signatures.clear();
-        diagnosis.tracks.clear();
-        diagnosis.fields.clear();
-        diagnosis.next_postures.clear();
     }
     if evidence::many_boards_are_false(&diagnosis.data) {
         let told = evidence::what_boards_are_false(&diagnosis.data);

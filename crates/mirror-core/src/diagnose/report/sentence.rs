@@ -24,7 +24,13 @@ pub(crate) fn sentence(verdict: Verdict, causes: &[Cause], places: &[Where], gap
         ),
         (None, _) => "no gap could be computed".to_owned(),
     };
-    let sizes = format!("{sizes}, on postures that the fit did not see");
+    // Of three postures none is held out: what few are left would not show an unknown frame or mount.
+    let on = if gap.is_told() && gap.held_out_postures == 0 {
+        "the postures that were fitted, which are too few to hold some out"
+    } else {
+        "postures that the fit did not see"
+    };
+    let sizes = format!("{sizes}, on {on}");
     // A place that slipped, and came back, is named once.
     let mut names: Vec<String> = Vec::new();
     // What is improbable with all its alternatives stays in the list of causes, and explains nothing.

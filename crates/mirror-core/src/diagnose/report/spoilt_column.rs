@@ -8,15 +8,12 @@ pub(crate) fn column_is_spoilt(prepared: &Prepared, numbers: &[i64]) -> Option<S
     let nodes = &prepared.arranged.scene.body.nodes;
     if let Some((step, _)) = prepared.step() {
         let node = &nodes[step.node];
-        let far = if node.prismatic {
-            format!("{:.1} mm", step.offset * 1e3)
-        } else {
-            format!("{:.3} rad", step.offset)
-        };
         return Some(format!(
-            "joint:{} has another zero from row {} on: it is {far} further than its column says (homed again, slipped \
+            "joint:{} has another zero from row {} on: its position is {} than its column says (homed again, slipped \
              on its shaft, lost steps); diagnose the rows before and after as two sessions, or record again",
-            node.joint, step.first_frame
+            node.joint,
+            step.first_frame,
+            by_how_much(step.offset, node.prismatic)
         ));
     }
     let lost = prepared.lost()?;
@@ -36,4 +33,25 @@ pub(crate) fn column_is_spoilt(prepared: &Prepared, numbers: &[i64]) -> Option<S
             numbers.len()
         )
     })
+}
+
+/// `0.150 rad larger`, `20.0 mm smaller`.
+fn by_how_much(offset: f64, prismatic: bool) -> String {
+    let than = if offset < 0.0 { "smaller" } else { "larger" };
+    if prismatic {
+        format!("{:.1} mm {than}", offset.abs() * 1e3)
+    } else {
+        format!("{:.3} rad {than}", offset.abs())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::by_how_much;
+
+    #[test]
+    fn another_zero_is_told_by_its_side_and_not_by_a_sign() {
+        assert_eq!(by_how_much(-0.15, false), "0.150 rad smaller");
+        assert_eq!(by_how_much(0.02, true), "20.0 mm larger");
+    }
 }

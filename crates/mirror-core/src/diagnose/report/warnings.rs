@@ -1,6 +1,8 @@
 //! What a person should know of the session before trusting the diagnosis.
 
 use crate::diagnose::assessment::findings::Findings;
+use crate::diagnose::data::diagnosis::Data;
+use crate::diagnose::data::left_out::Reason;
 use crate::diagnose::likelihood::noise::trimmed_share;
 use crate::diagnose::principles::{Count, FEWEST_REDUNDANT_ROWS};
 
@@ -9,14 +11,15 @@ use crate::diagnose::principles::{Count, FEWEST_REDUNDANT_ROWS};
 const FEW_POSTURES: Count = FEWEST_REDUNDANT_ROWS as usize / 2;
 
 /// In sentences, each with what to do.
-pub(super) fn warnings(findings: &Findings<'_>) -> Vec<String> {
+pub(crate) fn warnings(findings: &Findings<'_>, data: &Data) -> Vec<String> {
     let problem = &findings.search.problem;
     let scene = &problem.scene;
     let mut out = Vec::new();
     let postures = findings.after.len();
     if postures < FEW_POSTURES {
         out.push(format!(
-            "only {postures} postures: record at least {FEW_POSTURES}, better 60, spread over the joints' ranges; few causes can be told apart with so few"
+            "only {postures} {}: record at least {FEW_POSTURES}, better 60, spread over the joints' ranges; few causes can be told apart with so few",
+            if postures == 1 { "posture" } else { "postures" }
         ));
     }
     if scene.marker_names.len() == 1 {
@@ -25,10 +28,11 @@ pub(super) fn warnings(findings: &Findings<'_>) -> Vec<String> {
                 .into(),
         );
     }
-    if findings.false_share > trimmed_share() {
+    let share = far_share(data);
+    if share > trimmed_share() {
         out.push(format!(
             "{:.1} % of the markers' observations are far from the best model and were left out as false: look at them",
-            findings.false_share * 100.0
+            share * 100.0
         ));
     }
     if let Some(scatter) = findings.search.scatter {
@@ -61,4 +65,26 @@ pub(super) fn warnings(findings: &Findings<'_>) -> Vec<String> {
         out.push("no marker was seen together with the board: the body cannot be diagnosed".into());
     }
     out
+}
+
+/// The share of the markers' observations that were left out as false, before the search (whole rows among them) or by its result.
+fn far_share(data: &Data) -> f64 {
+    let of_rows = data.left_out.iter().filter(|l| matches!(l.why, Reason::WholeRow(_))).count();
+    (data.false_count() + of_rows) as f64 / data.points_given.max(1) as f64
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::diagnose::data::left_out::LeftOut;
+
+    #[test]
+    fn what_was_left_out_before_the_search_counts_as_left_out() {
+        let of = |why: Reason| LeftOut { frame: 1, target: "hand".into(), deviations: None, why };
+        let reasons =
+            [Reason::FarFromModel, Reason::FarFromAll(None), Reason::WholeRow(None), Reason::NoBoard];
+        let data = Data { points_given: 60, left_out: reasons.map(of).into(), ..Data::default() };
+        assert_eq!(far_share(&data), 0.05);
+        assert_eq!(far_share(&Data::default()), 0.0);
+    }
 }

@@ -30,9 +30,8 @@ pub(crate) struct Extended {
     pub unnamed: Option<Unexplained>,
     /// A free-form error that is less probable than the causes found, which suffice.
     pub unnamed_law: Option<UnnamedLaw>,
-    /// The problem without the observations that the best model shows to be false, and their share.
+    /// The problem without the observations that the best model shows to be false.
     pub clean: Problem,
-    pub false_share: f64,
 }
 
 /// A free-form error that could be in the place of causes.
@@ -85,7 +84,7 @@ pub(crate) fn extend_models<'a>(
     budget.allow(1.0 - A_STAGE);
     let freed = setup.is_some();
     let mut geometry = setup;
-    let (mut clean, mut false_share) = without_false(search, found)?;
+    let (mut clean, false_share) = without_false(search, found)?;
     let mut fits_noise = left(search, found, &clean)?;
     let named = search.clone();
     let doubtful = fits_noise.significant;
@@ -103,7 +102,7 @@ pub(crate) fn extend_models<'a>(
             (*search, *found) = (beside.search, beside.found);
             found.trace.splice(0..0, trace);
             retract_imitators(search, found)?;
-            (clean, false_share) = without_false(search, found)?;
+            (clean, _) = without_false(search, found)?;
             fits_noise = left(search, found, &clean)?;
         }
     }
@@ -112,7 +111,7 @@ pub(crate) fn extend_models<'a>(
     if doubtful && let Some(beside) = beside_erratic_joint(search, found, nominal)? {
         erratic = Some(beside.node);
         (*search, *found) = (beside.search, beside.found);
-        (clean, false_share) = without_false(search, found)?;
+        (clean, _) = without_false(search, found)?;
     }
     let mut unnamed = None;
     let many = found.fit.model.terms.len() > MANY_CAUSES;
@@ -130,8 +129,8 @@ pub(crate) fn extend_models<'a>(
             (unnamed, unnamed_law) = (beside.unnamed, None);
             (*search, *found) = (beside.search, beside.found);
         }
-        (clean, false_share) = without_false(search, found)?;
+        (clean, _) = without_false(search, found)?;
     }
     geometry = geometry.filter(|_| !found.fit.model.group.is_empty());
-    Ok(Extended { geometry, erratic, unnamed, unnamed_law, clean, false_share })
+    Ok(Extended { geometry, erratic, unnamed, unnamed_law, clean })
 }

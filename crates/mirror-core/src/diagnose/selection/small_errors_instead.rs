@@ -48,7 +48,7 @@ pub(crate) fn small_errors_instead(
         *search = alone;
         found.fit = fit;
         let deformation = search.deformation(&found.fit.model);
-        (extended.clean, extended.false_share) = without_false(&search.problem, &deformation, found.noise)?;
+        (extended.clean, _) = without_false(&search.problem, &deformation, found.noise)?;
         (extended.geometry, extended.unnamed, extended.unnamed_law) = (Some(geometry), None, None);
     }
     Ok(())

@@ -65,7 +65,7 @@ pub(crate) fn with_transmission_errors(
     // Written so that NaN is no gain.
     if odds > 0.0 && ratio < LEAST_HELD_OUT_RATIO {
         (*search, *found) = (beside, with);
-        (extended.clean, extended.false_share) =
+        (extended.clean, _) =
             without_false(&search.problem, &search.deformation(&found.fit.model), found.noise)?;
         (extended.geometry, extended.unnamed) = (Some(wider), None);
     }

@@ -230,11 +230,10 @@ fn a_play_and_a_dead_band_are_as_wide_as_they_are_however_small() {
         });
     };
     let problem = problem_with(URDF, 3, to_and_fro);
-    let laws: [(&str, f64, &dyn Fn(f64) -> Vec<f64>, f64); 2] = [
-        ("backlash", f64::INFINITY, &|width| vec![width], 0.5),
-        ("stiction", 1.0, &|width| vec![width, 0.0], 1.0),
-    ];
-    for (effect, variant, of, share) in laws {
+    // The number of parameters behind the width, and by which share of it the joint is off.
+    let laws = [("backlash", f64::INFINITY, 0, 0.5), ("stiction", 1.0, 1, 1.0)];
+    for (effect, variant, others, share) in laws {
+        let of = |width: f64| [vec![width], vec![0.0; others]].concat();
         for width in [2e-6, 3e-5, 2e-4] {
             let (by, slope) = moved_by(&problem, effect, variant, &of(width));
             assert!(slope.iter().any(|s| *s > 0.0) && slope.iter().any(|s| *s < 0.0), "{effect}");
