@@ -16,6 +16,7 @@ from ..values import mirror_size as wanted_size
 
 if TYPE_CHECKING:
     from ...plan import Plan
+    from ...plan.telling import Rival, Tells
 
 ORDER = 6
 PANEL = "Setting up"
@@ -192,7 +193,12 @@ def say_plan(output: Output, plan: Plan) -> None:
         table_rows(plan),
         f"with {plan.setting.noise_px:g} px of noise and the set-up's tolerances, one cause at a time",
     )
-    twins = [(one, twin) for one in plan.tells for twin in one.twins]
+    # Each pair once, though each of the two has the other as its twin.
+    pairs: dict[frozenset[str], tuple[Tells, Rival]] = {}
+    for one in plan.tells:
+        for twin in one.twins:
+            pairs.setdefault(frozenset((one.name, twin.name)), (one, twin))
+    twins = list(pairs.values())
     for one, twin in twins[:MOST_TWINS]:
         output.say(f"twins: {one.name} and {twin.name} are told apart {apart_in_words(plan, one, twin)}")
     if len(twins) > MOST_TWINS:

@@ -8,6 +8,7 @@ use super::twins::{Rival, rivals};
 use crate::diagnose::assessment::limits::{Criterion, LARGEST, gain_needed};
 use crate::diagnose::likelihood::normal_equations::Normal;
 use crate::diagnose::model::problem::Observation;
+use crate::diagnose::model::solver::NEGLIGIBLE;
 use crate::diagnose::principles::{Guard, LEAST_LOG_ODDS};
 use crate::error::Result;
 use std::collections::BTreeMap;
@@ -62,6 +63,10 @@ impl PlannedSession {
             let parameters: Vec<(String, Option<f64>)> =
                 names.map(|name| (name.clone(), sizes.get(&name).copied().flatten())).collect();
             let twins = self.told(h, &parameters, &rivals[&h]);
+            // A servo without a load has no droop: it is no number of the effect there.
+            let std = &self.catalogue.hypotheses[h].prior_std;
+            let some = parameters.into_iter().zip(std).filter(|(_, s)| **s > NEGLIGIBLE);
+            let parameters = some.map(|(parameter, _)| parameter).collect();
             Some(Foreseen { effect, at, parameters, twins })
         });
         Ok(foreseen.collect())

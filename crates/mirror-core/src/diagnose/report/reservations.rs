@@ -413,4 +413,58 @@ mod tests {
         assert!(in_pictures.contains("to 0.40 px instead of 0.30 px"), "{in_pictures}");
         assert_eq!(hangs_on_regions(&gap(Some(0.00125), None, Some(0.00126), None)), None);
     }
+
+    fn told(gap: Gap) -> Diagnosis {
+        let warnings = hangs_on_regions(&gap).into_iter().chain(["one marker only".to_owned()]).collect();
+        let cause = |at: &str| Where { at: at.into(), share: 1.0, depends_on: None };
+        let field = |over: &str| crate::diagnose::data::diagnosis::Field {
+            cause: Some(0),
+            at: "camera".into(),
+            over: over.into(),
+            unit: "px".into(),
+            size: [1.0, 1.0],
+            points: Vec::new(),
+        };
+        Diagnosis {
+            format: String::new(),
+            version: 2,
+            interrupted: false,
+            verdict: Verdict::Explained,
+            sentence: String::new(),
+            data: Data::default(),
+            causes: Vec::new(),
+            r#where: vec![cause("camera")],
+            gap,
+            limits: Vec::new(),
+            next_postures: vec![BTreeMap::new()],
+            warnings,
+            noise: BTreeMap::new(),
+            trace: Vec::new(),
+            ranking: Vec::new(),
+            signatures: Vec::new(),
+            tracks: Vec::new(),
+            fields: vec![field("image")],
+            markers: Vec::new(),
+        }
+    }
+
+    #[test]
+    fn nothing_is_left_of_causes_that_are_not_named_in_the_end() {
+        let before = |mut gap: Gap| {
+            (gap.before_m, gap.before_px, gap.closed) = (Some(0.001), Some(0.2), Some(0.9));
+            gap
+        };
+        let mut diagnosis = told(before(gap(Some(0.00125), Some(0.3), Some(0.0025), Some(0.4))));
+        assert_eq!(diagnosis.warnings.len(), 2);
+        name_nothing_more(&mut diagnosis);
+        assert_eq!(diagnosis.warnings, ["one marker only"]);
+        assert!(diagnosis.fields.is_empty() && diagnosis.next_postures.is_empty());
+        assert_eq!(diagnosis.r#where[0].at, Where::NOWHERE);
+        let of = &diagnosis.gap;
+        assert_eq!((of.after_m, of.after_px, of.closed), (Some(0.001), Some(0.2), Some(0.0)));
+        // Where nothing was predicted, nothing is.
+        let mut nothing = before(gap(None, None, None, None));
+        as_before(&mut nothing);
+        assert_eq!((nothing.after_m, nothing.after_px), (None, None));
+    }
 }
