@@ -107,7 +107,9 @@ def faults(tree: dict[str, Any]) -> list[str]:
                 need(_positive(entry["ground"]["after_m"]), "gap.checked.ground.after_m")
                 need(entry["ground"]["after_m"] < entry["after_m"], "gap.checked.ground is no better")
             if "left_out" in entry:
-                points, given, boards = (entry["left_out"][key] for key in ("points", "points_given", "boards"))
+                points, given, boards = (
+                    entry["left_out"][key] for key in ("points", "points_given", "boards")
+                )
                 need(0 <= points <= given and points + boards > 0, "gap.checked.left_out")
 
     if need(isinstance(tree.get("gap"), dict), "gap"):
