@@ -293,3 +293,34 @@ fn causes_are_found_beside_joints_that_all_rest_elsewhere_and_their_scatter_is_t
         assert!((scale / std_deg - 1.0).abs() < 0.2, "{warning}");
     }
 }
+
+/// A tracker whose scale is off makes all lengths and mounts wrong in proportion; with other lengths nothing is.
+#[test]
+fn one_scale_of_the_points_is_told_and_no_length_or_mount_is_sure_beside_it() {
+    let world = World::new(4, false);
+    let told = |factor: f64, wrong: Vec<Wrong>| {
+        let plan = Plan { postures: 70, views: 1, seed: 5, wrong, ..Plan::default() };
+        let mut recording = world.record_points(&plan, 2e-4);
+        let points = recording.frames.iter_mut().flat_map(|frame| frame.points.iter_mut());
+        points.for_each(|point| point.position_m.coords *= factor);
+        diagnosed(&world, &recording)
+    };
+    let said = |told: &Diagnosis| told.warnings.iter().find(|w| w.contains("one scale of all")).cloned();
+    let scaled = told(1.006, Vec::new());
+    let warning = said(&scaled).unwrap_or_else(|| panic!("{:?} {:?}", scaled.causes, scaled.warnings));
+    let number = |from: &str, to: &str| -> f64 {
+        let rest = warning.split(from).nth(1).unwrap();
+        rest.split(to).next().unwrap().trim().parse().unwrap()
+    };
+    let (percent, std) = (number("points,", "±"), number("±", "%"));
+    assert!((percent - 0.6).abs() < 3.0 * std && std < 0.02, "{warning}");
+    assert!(scaled.causes.iter().all(|c| c.probability <= 0.5), "{:?}", scaled.causes);
+    // Two lengths that are wrong are no scale.
+    let wrong = vec![
+        Wrong::Length(Some(world.bone("r_elbow")), [0.004, -0.003, 0.006]),
+        Wrong::Mount(1, [0.004, -0.003, 0.002]),
+    ];
+    let other = told(1.0, wrong);
+    assert_eq!(said(&other), None, "{:?}", other.causes);
+    assert!(other.causes.iter().any(|c| c.probability > 0.9), "{:?}", other.causes);
+}

@@ -13,6 +13,7 @@ use crate::diagnose::likelihood::fit::Group;
 use crate::diagnose::likelihood::probability::unfinished;
 use crate::diagnose::model::problem::{Observation, Problem};
 use crate::diagnose::principles::{A_GAP, FAR_DEVIATIONS, Grid};
+use crate::diagnose::report::one_scale::one_scale;
 use crate::diagnose::selection::search::Search;
 use crate::error::Result;
 
@@ -40,10 +41,12 @@ pub(crate) fn beside_one_scale(diagnosis: &mut Diagnosis, findings: &Findings<'_
     let problem = &search.problem;
     let with_causes =
         seen_size(&in_sample(problem, &search.deformation(&findings.found.fit.model), problem.noise)?);
-    let Some(scale) = best_scale(search)? else { return Ok(()) };
-    if scale.factor.abs() < FAR_DEVIATIONS * scale.std || scale.left_m > A_GAP * with_causes {
+    let told = |s: &Scale| s.factor.abs() >= FAR_DEVIATIONS * s.std && s.left_m <= A_GAP * with_causes;
+    let Some(scale) = best_scale(search)?.filter(told) else {
+        // Beside other causes the lengths alone may show it.
+        diagnosis.warnings.extend(one_scale(findings));
         return Ok(());
-    }
+    };
     for cause in diagnosis.causes.iter_mut().filter(|c| of_scale(c)) {
         cause.probability = unfinished(cause.probability);
     }

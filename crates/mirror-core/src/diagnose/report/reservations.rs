@@ -19,7 +19,6 @@ use crate::diagnose::principles::{
 use crate::diagnose::random_effects::geometric_tolerances::Geometry;
 use crate::diagnose::report::gap_steps::Part;
 use crate::diagnose::report::noise_warnings::noise_is_not_stated;
-use crate::diagnose::report::one_scale::one_scale;
 use crate::diagnose::report::rms_shift::noise_square;
 use crate::error::Result;
 use std::collections::BTreeMap;
@@ -334,9 +333,6 @@ pub(crate) fn reserve(diagnosis: &mut Diagnosis, findings: &Findings<'_>, togeth
         }
     }
     diagnosis.warnings.extend(noise_is_not_stated(diagnosis, findings));
-    if matches!(diagnosis.verdict, Verdict::Explained | Verdict::Partial) {
-        diagnosis.warnings.extend(one_scale(findings));
-    }
     let budget = &findings.search.problem.budget;
     diagnosis.trace.push(format!("work: {:.0} % of the limit", 100.0 * budget.share_of_session()));
     if budget.is_spent() {
