@@ -40,7 +40,7 @@ def test_a_zero_that_changes_once_is_no_drift(joint: str, zero_rad: float, tmp_p
     assert found.verdict == "unknown" and not found.causes
     assert found.where[0].at == f"joint:{joint}"
     (warning,) = [text for text in found.warnings if "another zero" in text]
-    told = re.search(r"from row (\d+) on: it is ([-0-9.]+) rad further", warning)
+    told = re.search(r"from row (\d+) on: its position is ([0-9.]+) rad larger than", warning)
     assert told, warning
     # With a small step a row more or less is within chance.
     assert abs(int(told[1]) - 25) <= 1 and abs(float(told[2]) - zero_rad) < 0.0015, warning
