@@ -132,10 +132,9 @@ pub(super) fn leave_out_of(given: &mut Problem, whole: &Problem, clean: &Problem
 pub(super) fn told(whole: &Problem, clean: &Problem) -> Option<LeftOutThere> {
     let boards =
         (0..whole.boards.len()).filter(|&f| whole.boards[f].is_some() && clean.boards[f].is_none()).count();
-    let stays = kept(whole, clean);
     let (mut points, mut points_given) = (0, 0);
-    for (frame, of_frame) in whole.frames.iter().zip(&stays) {
-        for (observation, stay) in frame.others.iter().zip(of_frame) {
+    for (frame, left) in whole.frames.iter().zip(&clean.frames) {
+        for (observation, stay) in frame.others.iter().zip(kept_in(frame, left)) {
             points_given += usize::from(observation.marker().is_some());
             points += usize::from(!stay);
         }
@@ -148,11 +147,7 @@ fn way(observation: &Observation) -> (Option<usize>, bool) {
     (observation.marker(), matches!(observation, Observation::Pixel { via: Via::Mirror, .. }))
 }
 
-/// Which observations of a session another one, from which some were taken, still has.
-fn kept(whole: &Problem, clean: &Problem) -> Vec<Vec<bool>> {
-    whole.frames.iter().zip(&clean.frames).map(|(whole, clean)| kept_in(whole, clean)).collect()
-}
-
+/// Which observations of a frame another one, from which some were taken, still has.
 fn kept_in(whole: &FrameData, clean: &FrameData) -> Vec<bool> {
     let mut left = clean.others.iter().filter(|o| o.marker().is_some()).peekable();
     let mut stays = |o: &Observation| o.marker().is_none() || left.next_if(|k| same(k, o)).is_some();

@@ -63,20 +63,17 @@ pub(crate) fn beside_one_scale(diagnosis: &mut Diagnosis, findings: &Findings<'_
 
 /// The scale with which the nominal model leaves least; none where the points do not show it.
 fn best_scale(search: &Search<'_>) -> Result<Option<Scale>> {
-    let mut middle = 0.0;
-    let mut told = None;
+    let (mut middle, mut curvature) = (0.0, 0.0);
     // What is false at the wrong scale has no weight there, so the vertex is looked for again where it is.
     for _ in 0..2 {
-        let [less, here, more] = [middle - STEP, middle, middle + STEP].map(|f| left_by(search, f));
-        let (less, here, more) = (less?, here?, more?);
-        let curvature = (less + more - 2.0 * here) / (2.0 * STEP * STEP);
-        if !(curvature > 0.0) {
+        let less = left_by(search, middle - STEP)?;
+        let more = left_by(search, middle + STEP)?;
+        curvature = (less + more - 2.0 * left_by(search, middle)?) / (2.0 * STEP * STEP);
+        middle += (less - more) / (4.0 * STEP * curvature);
+        if !(curvature > 0.0 && middle.abs() < 1.0) {
             return Ok(None);
         }
-        middle += (less - more) / (4.0 * STEP * curvature);
-        told = Some(curvature);
     }
-    let Some(curvature) = told.filter(|_| middle.is_finite() && middle.abs() < 1.0) else { return Ok(None) };
     let left = left_by(search, middle)?;
     let points = search.problem.frames.iter().map(|frame| frame.others.len()).sum::<usize>() as f64;
     Ok(Some(Scale { factor: middle, std: (left / (points * curvature)).sqrt(), left_m: left.sqrt() }))
