@@ -37,8 +37,14 @@ def linear(levels: Array) -> Array:
 
 
 def encoded(light: Array) -> Array:
-    value = np.clip(light, 0.0, 1.0)
-    return 255.0 * np.where(value <= 0.0031308, 12.92 * value, 1.055 * value ** (1 / 2.4) - 0.055)
+    """Levels, not rounded, of single precision: thousandths of a level are enough, and pictures are large."""
+    value = np.clip(light, 0.0, 1.0).astype(np.float32)
+    curve = value ** np.float32(1 / 2.4)
+    curve *= np.float32(1.055 * 255.0)
+    curve -= np.float32(0.055 * 255.0)
+    dark = value <= 0.0031308
+    curve[dark] = np.float32(12.92 * 255.0) * value[dark]
+    return curve
 
 
 def levels(picture: Array) -> Array:
@@ -362,7 +368,9 @@ def score(folder: Path, names: list[str], pictures: int, seed: int = 0, first: i
         pure = np.array([[[marker.color.hue_deg, 0.9, 0.8]]], np.float32)
         colours[marker.name] = linear(255.0 * cv2.cvtColor(pure, cv2.COLOR_HSV2BGR)[0, 0])
     chosen = range(first, len(truth), max(1, len(truth) // pictures))
-    light = {f: linear(cv2.imread(str(session.image_files[f])).astype(float)) for f in chosen}
+    light = {
+        f: linear(cv2.imread(str(session.image_files[f])).astype(float)).astype(np.float32) for f in chosen
+    }
     scores = []
     for name in names:
         steps, coder = VARIANTS[name]

@@ -75,9 +75,9 @@ def seen_share(ball: Ball, bars: list[Bar]) -> float:
 def away_px(u: Array, v: Array, start: Array, end: Array) -> Array:
     """Distance of places from the line between two points, px."""
     along = (end - start) / max(float(np.linalg.norm(end - start)), 1e-9)
-    at = np.stack([u - start[0], v - start[1]], axis=-1)
-    t = np.clip(at @ along, 0.0, float(np.linalg.norm(end - start)))
-    return np.linalg.norm(at - t[..., None] * along, axis=-1)
+    u, v = u - start[0], v - start[1]
+    t = np.clip(u * along[0] + v * along[1], 0.0, float(np.linalg.norm(end - start)))
+    return np.sqrt((u - t * along[0]) ** 2 + (v - t * along[1]) ** 2)
 
 
 def to_linear(levels: Array) -> Array:
@@ -154,13 +154,15 @@ class Painter:
 
     @staticmethod
     def pooled(values: Array, fine: int) -> Array:
+        """Means of `fine` × `fine` samples."""
         height, width = values.shape[0] // fine, values.shape[1] // fine
-        return values.reshape(height, fine, width, fine, *values.shape[2:]).mean(axis=(1, 3))
+        return cv2.resize(values, (width, height), interpolation=cv2.INTER_AREA)
 
-    def put(self, part: tuple[slice, slice], cover: Array, colour: Array, fine: int) -> None:
-        """Lays a colour (…, 3) over the picture where `cover` (0..1, by sample) is."""
+    def put(self, part: tuple[slice, slice], cover: Array, light: Array, fine: int, paint: Array) -> None:
+        """Lays a paint in a light, (…) or (…, 3), over the picture where `cover` (0..1, by sample) is."""
         share = self.pooled(cover, fine)[..., None]
-        self.rgb[part] = self.rgb[part] * (1.0 - share) + self.pooled(cover[..., None] * colour, fine)
+        lit = self.pooled(cover.reshape(*cover.shape, *[1] * (light.ndim - 2)) * light, fine)
+        self.rgb[part] = self.rgb[part] * (1.0 - share) + lit.reshape(*share.shape[:2], -1) * paint
 
     def turn_mirror(self, yaw_rad: float, pitch_rad: float) -> None:
         """Turns the mirror about the point half-way between the board and its reflection."""
@@ -200,8 +202,10 @@ class Painter:
             cv2.fillConvexPoly(
                 cover, np.rint(cv2.convexHull(shape) * 16).astype(np.int32), 255, cv2.LINE_AA, 4
             )
-            share = cover[..., None] / 255.0
-            self.rgb = self.rgb * (1 - share) + grey * share
+            left, top, width, height = cv2.boundingRect(cover)
+            part = slice(top, top + height), slice(left, left + width)
+            share = cover[part][..., None] / 255.0
+            self.rgb[part] = self.rgb[part] * (1 - share) + grey * share
         self.draw_board()
         balls = self.place_balls() if given is None else self.again(*given)
         for ball in balls:
@@ -228,20 +232,21 @@ class Painter:
             self.reflect(self.on_board(half * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1.0]])))
         )
         part, u, v = self.region(outer.min(axis=0), outer.max(axis=0), 5)
-        rays = np.stack([u, v, np.ones_like(u)], axis=-1) @ np.linalg.inv(self.camera).T
         turn = self.board[:3, :3] - 2.0 * np.outer(self.normal, self.normal @ self.board[:3, :3])
         middle = self.reflect(self.board[None, :3, 3])[0]
-        facing = turn[:, 2]
-        points = rays * ((middle @ facing) / (rays @ facing))[..., None] - middle
-        x, y = points @ turn[:, 0] / SQUARE_M, points @ turn[:, 1] / SQUARE_M
+        # What the samples' rays have along the board's three axes is linear in u and v.
+        along = turn.T @ np.linalg.inv(self.camera)
+        across, down, out = (a * u[:1] + b * v[:, :1] + c for a, b, c in along)
+        far = (middle @ turn[:, 2]) / out
+        x = (across * far - middle @ turn[:, 0]) / SQUARE_M
+        y = (down * far - middle @ turn[:, 1]) / SQUARE_M
         column, row = np.floor(x + (COLUMNS + 1) / 2), np.floor(y + (ROWS + 1) / 2)
         inside = (column >= 0) & (column <= COLUMNS) & (row >= 0) & (row <= ROWS)
         # The square beyond corner (0, 0) is dark.
         dark = inside & ((column + row) % 2 == 0)
         paper = (np.abs(x) <= COLUMNS / 2 + 1.2) & (np.abs(y) <= ROWS / 2 + 1.2)
         light = self.rng.uniform(0.55, 0.8) * (1.0 + 0.02 * x - 0.03 * y)
-        colour = np.where(dark, 0.03, light)[..., None] * np.ones(3)
-        self.put(part, paper.astype(float), colour, 5)
+        self.put(part, paper.astype(float), np.where(dark, 0.03, light), 5, np.ones(3))
 
     def place_balls(self) -> list[Ball]:
         look, rng = self.look, self.rng
@@ -278,12 +283,15 @@ class Painter:
         middle, size = conic_center(self.camera, center, radius)
         fine = 8 if size < 24 else 5
         part, u, v = self.region(middle - 1.15 * size - 3, middle + 1.15 * size + 3, fine)
-        rays = np.stack([u, v, np.ones_like(u)], axis=-1) @ np.linalg.inv(self.camera).T
-        rays /= np.linalg.norm(rays, axis=-1, keepdims=True)
-        along = rays @ center
+        x, y, z = (a * u[:1] + b * v[:, :1] + c for a, b, c in np.linalg.inv(self.camera))
+        length = np.sqrt(x**2 + y**2 + z**2)
+        along = (x * center[0] + y * center[1] + z * center[2]) / length
         under = along**2 - (center @ center - radius**2)
         hit = under >= 0.0
-        points = rays * (along - np.sqrt(np.maximum(under, 0.0)))[..., None]
+        # From here on what hits the ball only, in a row.
+        along, under, length = along[hit], under[hit], length[hit]
+        rays = np.stack([part[hit] for part in (x, y, z)], axis=-1) / length[:, None]
+        points = rays * (along - np.sqrt(under))[..., None]
         normal = (points - center) / radius
         lit = np.maximum(normal @ self.sun, 0.0)
         if look.cast_shadow if cast is None else cast:
@@ -301,10 +309,8 @@ class Painter:
         shade = (1.0 - share) * ambient + share * 1.3 * lit[..., None] + 0.015
         # Light that comes back from a floor of another colour.
         bounce = 0.06 * np.maximum(normal[..., 1], 0.0)[..., None] * np.array([1.0, 0.85, 0.7])
-        uneven = (
-            1.0
-            + 0.03 * cv2.GaussianBlur(rng.normal(0, 1, u.shape), (0, 0), 1.5 * fine)[..., None] * 1.5 * fine
-        )
+        uneven = cv2.GaussianBlur(rng.normal(0, 1, u.shape), (0, 0), 1.5 * fine)[hit]
+        uneven = 1.0 + 0.03 * uneven[..., None] * 1.5 * fine
         colour = paint * (shade + bounce) * uneven
         if look.gloss > 0.0:
             half = self.sun - rays
@@ -313,7 +319,9 @@ class Painter:
             # What a glossy ball mirrors of its surroundings towards its rim.
             facing = np.clip(-np.sum(normal * rays, axis=-1), 0.0, 1.0)[..., None]
             colour = colour + look.gloss * 0.08 * (1.0 - facing) ** 5
-        self.put(part, hit.astype(float), colour, fine)
+        light = np.zeros((*u.shape, 3))
+        light[hit] = colour
+        self.put(part, hit.astype(float), light, fine, np.ones(3))
 
     def capsule(self, start: Array, end: Array, width: float, colour: Array) -> Array:
         """A limb: a bar with round ends, lighter in its middle. Returns nothing; draws."""
@@ -323,7 +331,7 @@ class Painter:
         part, u, v = self.region(low, high, 4)
         away = away_px(u, v, start, end)
         round_ = np.sqrt(np.clip(1.0 - (away / width) ** 2, 0.0, 1.0))
-        self.put(part, (away <= width).astype(float), (0.35 + 0.65 * round_)[..., None] * colour, 4)
+        self.put(part, (away <= width).astype(float), 0.35 + 0.65 * round_, 4, colour)
 
     def draw_limb(self, ball: Ball) -> None:
         turn = self.rng.uniform(0, 2 * np.pi)

@@ -61,9 +61,8 @@ class Capturing:
         postures = [{"r_elbow": 0.3, "r_shoulder_roll": 0.6}]
         child = os.fork()
         if child == 0:
-            render_session(
-                below / "one picture", postures, [View()], options=PictureOptions(samples=1, edge_samples=2)
-            )
+            quick = PictureOptions(samples=1, edge_samples=1, ghosts=False)
+            render_session(below / "one picture", postures, [View()], options=quick)
             os._exit(0)
         assert os.waitpid(child, 0)[1] == 0
         self.pictures.mkdir()

@@ -6,6 +6,7 @@ from pathlib import Path
 
 from typer.testing import CliRunner
 
+from init_once import initialised
 from mirror_posture import cli
 
 URDF = """<?xml version="1.0"?>
@@ -45,5 +46,4 @@ def setup(folder: Path, half: bool = False) -> Path:
     file = folder / "small_arm.urdf"
     file.write_text(URDF)
     smaller = ["--picture", "480x360", "--focal-px", "380"]
-    run("init", file, folder / "session", *(MOUNTS[:-4] + smaller if half else MOUNTS))
-    return folder / "session"
+    return initialised(file, folder / "session", *(MOUNTS[:-4] + smaller if half else MOUNTS))

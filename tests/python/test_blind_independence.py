@@ -59,7 +59,7 @@ from pathlib import Path
 from mirror_lab.blind.make import make_cases
 from mirror_lab.blind.simulate import Options
 one = [("one", "small", ["backlash"])]
-made = make_cases(Path({str(tmp_path)!r}), 1, 3, Options(robots=("small",), frames=(60, 61)), one)
+made = make_cases(Path({str(tmp_path)!r}), 1, 3, Options(robots=("small",), frames=(20, 21), least_postures=10), one)
 assert (made[0] / "detections.csv").is_file()
 ours, blind = ("mirror_posture", "mirror_lab."), "mirror_lab.blind"
 loaded = [m for m in sys.modules if m.startswith(ours) and not m.startswith(blind)]

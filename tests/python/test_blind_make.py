@@ -24,6 +24,8 @@ from mirror_lab.blind.reference import clean_pixels, reference_of
 from mirror_lab.blind.simulate import KINDS, Case, Options, simulate
 
 QUICK = Options(robots=("small",), frames=(50, 51), least_postures=25)
+FEW = Options(robots=("small",), frames=(20, 21), least_postures=10)
+"""Where no number of a session is looked at."""
 
 
 def _case(effects: list[str], seed: int, options: Options = QUICK) -> Case:
@@ -66,7 +68,7 @@ def test_where_a_body_never_comes_to_rest_another_is_drawn(
         return simulate(name, kind, *rest)  # type: ignore[arg-type]
 
     monkeypatch.setattr("mirror_lab.blind.make.simulate", unstable_first)
-    (made,) = make_cases(tmp_path, 1, 3, QUICK)
+    (made,) = make_cases(tmp_path, 1, 3, FEW)
     assert len(drawn) == 2 and (made / "seal.json").is_file()
     answer = json.loads((tmp_path / "answers" / f"{made.name}.json").read_text(encoding="utf-8"))
     assert answer["seed"] == [3, 0, 1], "the draw can be repeated"
@@ -74,16 +76,16 @@ def test_where_a_body_never_comes_to_rest_another_is_drawn(
 
 def test_the_same_seed_makes_the_same_session(tmp_path: Path) -> None:
     plan = [("again", "small", ["drift"])]
-    one, two = (make_cases(tmp_path / n, 1, 11, QUICK, plan)[0] for n in ("a", "b"))
+    one, two = (make_cases(tmp_path / n, 1, 11, FEW, plan)[0] for n in ("a", "b"))
     for name in ("frames.csv", "detections.csv", "robot.urdf", "camera.yaml", "session.toml"):
         assert (one / name).read_bytes() == (two / name).read_bytes(), name
-    other = make_cases(tmp_path / "c", 1, 12, QUICK, plan)[0]
+    other = make_cases(tmp_path / "c", 1, 12, FEW, plan)[0]
     assert (one / "detections.csv").read_bytes() != (other / "detections.csv").read_bytes()
 
 
 def test_a_session_tells_nothing_of_its_cause_and_every_row_is_in_the_picture(tmp_path: Path) -> None:
     plan = [("hidden", "small", ["camera_focal"])]
-    folder = make_cases(tmp_path, 1, 1, QUICK, plan)[0]
+    folder = make_cases(tmp_path, 1, 1, FEW, plan)[0]
     assert sorted(p.name for p in folder.iterdir()) == [
         "camera.yaml",
         "detections.csv",
@@ -124,9 +126,9 @@ def test_a_known_degeneracy_is_found_and_a_clear_cause_is_not_called_tied() -> N
 def test_the_same_sessions_come_from_one_process_and_from_two(tmp_path: Path) -> None:
     plan = [(f"s{i}", "small", ["joint_offset"]) for i in range(3)]
     told: list[tuple[str, int]] = []
-    one = make_cases(tmp_path / "one", 3, 5, QUICK, plan)
+    one = make_cases(tmp_path / "one", 3, 5, FEW, plan)
     two = make_cases(
-        tmp_path / "two", 3, 5, QUICK, plan, workers=2, progress=lambda n, left: told.append((n, left))
+        tmp_path / "two", 3, 5, FEW, plan, workers=2, progress=lambda n, left: told.append((n, left))
     )
     assert sorted(n for n, _ in told) == ["s0", "s1", "s2"] and [left for _, left in told] == [2, 1, 0]
     for a, b in zip(one, two, strict=True):
@@ -174,7 +176,7 @@ def test_a_robot_that_cannot_have_the_drawn_causes_is_drawn_again(
         return simulate(name, kind, [], rng, options)
 
     monkeypatch.setattr("mirror_lab.blind.make.simulate", refusing)
-    make_cases(tmp_path, 1, 7, QUICK)
+    make_cases(tmp_path, 1, 7, FEW)
     assert seeds == [[7, 0], [7, 0, 1], [7, 0, 2]]
     answer = json.loads((tmp_path / "answers" / "case-0000.json").read_text(encoding="utf-8"))
     assert answer["seed"] == [7, 0, 2]

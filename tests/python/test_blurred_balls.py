@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import cv2
 import numpy as np
 import pytest
@@ -31,19 +33,31 @@ def outline(name: str) -> tuple[np.ndarray, float]:
 
 def light(hidden: dict[str, float] | None = None) -> np.ndarray:
     """Shaded balls in linear light before two greys; a plate hides a share of the width of some."""
+    return _drawn(tuple((hidden or {}).items())).copy()
+
+
+@cache
+def _drawn(hidden: tuple[tuple[str, float], ...]) -> np.ndarray:
     fine = 6
-    u = ((np.arange(320 * fine) + 0.5) / fine - 0.5)[None, :]
-    v = ((np.arange(240 * fine) + 0.5) / fine - 0.5)[:, None]
-    scene = np.where((u + 0.3 * v < 170.0)[..., None], 0.12, 0.26) * np.ones(3)
+    u = (np.arange(320 * fine) + 0.5) / fine - 0.5
+    v = (np.arange(240 * fine) + 0.5) / fine - 0.5
+    scene = np.where((u + 0.3 * v[:, None] < 170.0)[..., None], 0.12, 0.26) * np.ones(3)
+    shares = dict(hidden)
     for name, (x, y, radius, paint, _) in BALLS.items():
-        du, dv = (u - x) / radius, (v - y) / radius
+        # All of a ball and of its plate lies within 1.6 radii.
+        rows, columns = (
+            slice(*np.searchsorted(at, [middle - 1.7 * radius, middle + 1.7 * radius]))
+            for at, middle in ((v, y), (u, x))
+        )
+        du, dv = (u[None, columns] - x) / radius, (v[rows, None] - y) / radius
         toward = np.sqrt(np.maximum(1.0 - du**2 - dv**2, 0.0))
         shade = 0.25 + 0.75 * np.maximum(0.7 * toward - 0.6 * dv - 0.38 * du, 0.0)
         inside = (du**2 + dv**2 <= 1.0)[..., None]
-        scene = np.where(inside, shade[..., None] * np.array(paint), scene)
-        if hidden and name in hidden:
-            plate = (du > 1.0 - 2.0 * hidden[name]) & (du < 1.6) & (np.abs(dv) < 1.4)
-            scene = np.where(plate[..., None], 0.2, scene)
+        part = np.where(inside, shade[..., None] * np.array(paint), scene[rows, columns])
+        if name in shares:
+            plate = (du > 1.0 - 2.0 * shares[name]) & (du < 1.6) & (np.abs(dv) < 1.4)
+            part = np.where(plate[..., None], 0.2, part)
+        scene[rows, columns] = part
     return scene.reshape(240, fine, 320, fine, 3).mean(axis=(1, 3))
 
 

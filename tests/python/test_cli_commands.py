@@ -35,7 +35,7 @@ def fewer_rays() -> Iterator[None]:
     """Fewer rays: what the commands say and write is asked for here, and pictures in full, with their ghosts, are drawn by other tests."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(
-            render, "PictureOptions", partial(render.PictureOptions, samples=1, edge_samples=3, ghosts=False)
+            render, "PictureOptions", partial(render.PictureOptions, samples=1, edge_samples=2, ghosts=False)
         )
         yield
 

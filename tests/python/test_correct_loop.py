@@ -8,7 +8,7 @@ from __future__ import annotations
 import itertools
 import math
 import shutil
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import ClassVar
@@ -34,6 +34,7 @@ from mirror_posture.correct.planner import best_first, predicted_std_m, prospect
 from mirror_posture.render import EMBEDDED_FOLDER
 from mirror_posture.robots import Look, LostRobotError, MarkerPoints, NoLookError, Nominal, RobotBase
 from mirror_posture.viewpoint import View
+from views_once import views_once
 
 PAPER = {
     "r_shoulder_pitch": math.radians(-15),
@@ -45,6 +46,12 @@ BENT = {
     "r_shoulder_roll": math.radians(50),
     "r_elbow": math.radians(45),
 }
+
+
+@pytest.fixture(scope="module", autouse=True)
+def proposed() -> Iterator[None]:
+    with views_once():
+        yield
 
 
 def offset(joint: str, degrees: float) -> HiddenEffect:

@@ -54,11 +54,16 @@ def scene(
     light = picture[top:bottom, left:right].repeat(FINE, axis=0).repeat(FINE, axis=1)
     lamp = np.array([0.3, -0.6, 0.74])
     for (x, y), radius in (*others, (center, RADIUS)):
-        du, dv = (u[None] - x) / radius, (v[:, None] - y) / radius
+        rows, columns = (
+            slice(*np.searchsorted(at, [middle - radius - 1e-9, middle + radius + 1e-9]))
+            for at, middle in ((v, y), (u, x))
+        )
+        du, dv = (u[None, columns] - x) / radius, (v[rows, None] - y) / radius
         inside = du**2 + dv**2 <= 1.0
         toward = np.sqrt(np.maximum(1.0 - du**2 - dv**2, 0.0))
         shade = 0.25 + 0.75 * np.maximum(du * lamp[0] + dv * lamp[1] + toward * lamp[2], 0.0)
-        light = np.where(inside[..., None], shade[..., None] * np.array([0.03, 0.04, 0.6]), light)
+        paint = shade[..., None] * np.array([0.03, 0.04, 0.6])
+        light[rows, columns] = np.where(inside[..., None], paint, light[rows, columns])
     if hidden:
         edge = center[0] + RADIUS * (1.0 - 2.0 * hidden)
         plate = (

@@ -5,6 +5,8 @@ Boards are drawn by `board_drawing`, what hides them by OpenCV; nothing of detec
 
 from __future__ import annotations
 
+from functools import cache
+
 import cv2
 import numpy as np
 import pytest
@@ -22,6 +24,12 @@ MATRIX = np.array([[400.0, 0.0, 159.5], [0.0, 400.0, 119.5], [0.0, 0.0, 1.0]])
 
 def seen_in_a_mirror(seed: int, noise: float = 2.0) -> tuple[np.ndarray, np.ndarray]:
     """A picture of the board at some pose before the camera, and its corners in the session's order."""
+    picture, corners = _drawn(seed, noise)
+    return picture.copy(), corners.copy()
+
+
+@cache
+def _drawn(seed: int, noise: float) -> tuple[np.ndarray, np.ndarray]:
     rng = np.random.default_rng(seed)
     turn = cv2.Rodrigues(rng.uniform(-0.35, 0.35, 3))[0]
     place = np.array([*rng.uniform(-0.8, 0.8, 2), 18.0])
@@ -126,7 +134,9 @@ def under_a_patch(seed: int, columns: int, side_px: float) -> tuple[np.ndarray, 
     """The board with a patch of `columns` × 5 squares of another board over it: an end of that pattern lies before squares of this one."""
     picture, corners = seen_in_a_mirror(seed)
     rng = np.random.default_rng([seed, 2])
-    squares = np.where((np.indices((200, columns * 40)) // 40).sum(axis=0) % 2, 210.0, 40.0)
+    squares = np.where((np.indices((200, columns * 40)) // 40).sum(axis=0) % 2, 210.0, 40.0).astype(
+        np.float32
+    )
     turn, share = rng.uniform(-0.4, 0.4), side_px / 40.0
     across = share * np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])
     middle = corners.mean(axis=0) + rng.uniform(-25.0, 25.0, 2) - across @ [columns * 20.0, 100.0]

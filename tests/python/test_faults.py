@@ -27,11 +27,18 @@ pytest.importorskip("mujoco")
 
 from faulty_robot import PIXEL_FAULTS, POSTURE, Blurred, Fault, HiddenForGood, SpotOnTheArm, trial
 from mirror_posture.shapes.mujoco_picture import opengl_is_there
+from views_once import views_once
 
 
 @pytest.fixture(scope="module")
 def nominal() -> Nominal:
     return Nominal.load()
+
+
+@pytest.fixture(scope="module", autouse=True)
+def proposed() -> Iterator[None]:
+    with views_once():
+        yield
 
 
 @pytest.mark.parametrize("kind", [k for k in PIXEL_FAULTS if k is not SpotOnTheArm], ids=lambda k: k.__name__)

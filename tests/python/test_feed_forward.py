@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import pytest
@@ -18,6 +18,7 @@ from mirror_posture.correct import correct
 from mirror_posture.diagnosis import Cause, Diagnosis, Estimate, Gap, Member
 from mirror_posture.diagnosis.feed_forward import feed_forward
 from mirror_posture.robots import CommandedRobot, Nominal
+from views_once import views_once
 
 POSTURES = (
     {"r_shoulder_pitch": -0.5, "r_shoulder_roll": 0.9, "r_elbow": 0.8},
@@ -52,6 +53,12 @@ def body(nominal: Nominal, hidden: Sequence[HiddenEffect]) -> HiddenBody:
         nominal.metadata.gravity_m_per_s2,
         hidden,
     )
+
+
+@pytest.fixture(scope="module", autouse=True)
+def proposed() -> Iterator[None]:
+    with views_once():
+        yield
 
 
 def worst(true: HiddenBody, commands: Sequence[dict[str, float]], wanted: dict[str, float]) -> float:

@@ -82,7 +82,7 @@ def fleet() -> Iterator[Fleet]:
 def cases(tmp_path_factory: pytest.TempPathFactory) -> Path:
     out = tmp_path_factory.mktemp("cases")
     plan = [(f"s{i}", "small", ["joint_offset"]) for i in range(SESSIONS)]
-    make_cases(out, SESSIONS, 4, Options(frames=(30, 31)), plan)
+    make_cases(out, SESSIONS, 4, Options(frames=(20, 21), least_postures=10), plan)
     return out
 
 

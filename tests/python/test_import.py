@@ -15,6 +15,7 @@ import pyarrow.parquet
 import pytest
 from typer.testing import CliRunner
 
+from init_once import initialised
 from mirror_posture import MirrorPostureError, Robot, cli, load_session
 from mirror_posture.importing import JointLog, Recording, find_rests, match_clocks
 from mirror_posture.importing.lerobot_dataset import read_dataset
@@ -296,8 +297,8 @@ def session(tmp_path: Path) -> Path:
         "--marker",
         "hand=m@0.1,0,0",
     ]
-    run("init", tmp_path / "arm.urdf", tmp_path / "session", *words, "--picture", f"{WIDTH}x{HEIGHT}")
-    return tmp_path / "session"
+    words += ["--picture", f"{WIDTH}x{HEIGHT}"]
+    return initialised(tmp_path / "arm.urdf", tmp_path / "session", *words)
 
 
 def run(*arguments: object, code: int = 0):

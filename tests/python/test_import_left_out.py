@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from init_once import initialised
 from mirror_posture import load_session
 from test_import import HEIGHT, POSTURES, URDF, WIDTH, run, write_mcap, write_pictures
 
@@ -15,12 +16,9 @@ from test_import import HEIGHT, POSTURES, URDF, WIDTH, run, write_mcap, write_pi
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
     (tmp_path / "arm.urdf").write_text(URDF)
-    run(
-        *("init", tmp_path / "arm.urdf", tmp_path / "session", "--camera", "base", "--camera-at", "0,0,0.3"),
-        *("--board", "base", "--board-at", "0,0,0.1", "--marker", "hand=m@0.1,0,0"),
-        *("--picture", f"{WIDTH}x{HEIGHT}"),
-    )
-    return tmp_path / "session"
+    words = ["--camera", "base", "--camera-at", "0,0,0.3", "--board", "base", "--board-at", "0,0,0.1"]
+    words += ["--marker", "hand=m@0.1,0,0", "--picture", f"{WIDTH}x{HEIGHT}"]
+    return initialised(tmp_path / "arm.urdf", tmp_path / "session", *words)
 
 
 def test_a_camera_that_is_not_calibrated_is_none(folder: Path, tmp_path: Path) -> None:

@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from init_once import initialised
 from mirror_posture import MirrorPostureError, cli
 from mirror_posture.camera import Camera
 from mirror_posture.importing import JointLog, Recording, import_recording
@@ -36,11 +37,9 @@ def run(*arguments: object, code: int = 0):
 @pytest.fixture
 def session(tmp_path: Path) -> Path:
     (tmp_path / "arm.urdf").write_text(URDF)
-    run(
-        *("init", tmp_path / "arm.urdf", tmp_path / "s", "--camera", "base", "--camera-at", "0,0,0.3"),
-        *("--board", "base", "--board-at", "0,0,0.1", "--marker", "hand=l@0.1,0,0", "--picture", "64x48"),
-    )
-    return tmp_path / "s"
+    words = ["--camera", "base", "--camera-at", "0,0,0.3", "--board", "base", "--board-at", "0,0,0.1"]
+    words += ["--marker", "hand=l@0.1,0,0", "--picture", "64x48"]
+    return initialised(tmp_path / "arm.urdf", tmp_path / "s", *words)
 
 
 def picture(shade: int) -> np.ndarray:

@@ -17,7 +17,7 @@ import pytest
 
 pytest.importorskip("mujoco", reason="the mirrored session needs mirror_lab's robots")
 
-from mirror_posture.diagnosis import diagnose
+from mirror_posture.diagnosis import Diagnosis, diagnose
 from mirror_posture.diagnosis.next_step import next_step
 from mirrored_session import write_mirrored
 from session_breaks.kinds import Rows, read, write
@@ -47,6 +47,11 @@ def by_hand(urdf: str, further: dict[str, str] | None = None) -> str:
 @pytest.fixture(scope="module")
 def sound(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return write_mirrored(tmp_path_factory.mktemp("sound") / "s", SEED, postures=POSTURES, built=by_hand)
+
+
+@pytest.fixture(scope="module")
+def of_sound(sound: Path) -> Diagnosis:
+    return diagnose(sound)
 
 
 def changed(whole: Path, folder: Path, name: str, change: Callable[[list[str], Rows], Rows]) -> Path:
@@ -143,8 +148,8 @@ def bent(per_frame: Callable[[int], float]) -> Callable[[list[str], Rows], Rows]
     return change
 
 
-def test_a_bent_board_is_not_nothing(sound: Path, tmp_path: Path) -> None:
-    assert "flat" not in diagnose(sound).sentence
+def test_a_bent_board_is_not_nothing(sound: Path, of_sound: Diagnosis, tmp_path: Path) -> None:
+    assert "flat" not in of_sound.sentence
     found = diagnose(changed(sound, tmp_path / "s", "detections.csv", bent(lambda frame: 1.0)))
     assert found.verdict in ("unknown", "partial") and "beside a flat grid" in found.sentence, found.sentence
     assert next(place for place in found.where if place.at == "board").depends_on == "nothing"
@@ -161,7 +166,9 @@ def test_a_board_that_flutters_is_not_nothing(sound: Path, tmp_path: Path) -> No
     assert "in each picture in another way" in " ".join([found.sentence, *found.warnings]), found.sentence
 
 
-def test_corners_found_beside_their_place_are_left_out_and_no_bent_board(sound: Path, tmp_path: Path) -> None:
+def test_corners_found_beside_their_place_are_left_out_and_no_bent_board(
+    sound: Path, of_sound: Diagnosis, tmp_path: Path
+) -> None:
     rng = np.random.default_rng(11)
     off: list[tuple[int, str]] = []
 
@@ -177,7 +184,7 @@ def test_corners_found_beside_their_place_are_left_out_and_no_bent_board(sound: 
     found = diagnose(changed(sound, tmp_path / "s", "detections.csv", some))
     told = [one for one in found.data.left_out if one.target == "board"]
     assert [(one.frame, one.why.split()[1]) for one in told] == off and len(off) > 8, told
-    assert found.verdict == "explained" == diagnose(sound).verdict, found.sentence
+    assert found.verdict == "explained" == of_sound.verdict, found.sentence
     assert "bent" not in " ".join([found.sentence, *found.warnings])
 
 

@@ -320,7 +320,8 @@ def test_markers_in_traced_pictures_from_two_views(tmp_path: Path) -> None:
         DEMO_POSTURES[1:3],
         views,
         offsets_rad={"r_shoulder_roll": 0.04},
-        options=PictureOptions(samples=1, edge_samples=2),
+        # Without ghosts: with them pictures and exact pixels are compared in test_robot_twin.
+        options=PictureOptions(samples=1, edge_samples=2, ghosts=False),
         seed=3,
     )
     session = detect_session(mp.load_session(folder)).session

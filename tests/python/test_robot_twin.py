@@ -141,7 +141,9 @@ def test_both_ways_of_looking_agree(nominal: Nominal) -> None:
     """The traced picture through detection against the exact pixels: two light paths that share nothing."""
     hidden = [HiddenEffect("joint_offset", "joint:r_elbow", {"offset_rad": 0.05})]
     view = View(math.radians(12.0))
-    traced = TwinRobot(hidden, TwinOptions(view=view, camera=PictureOptions(samples=1)), nominal)
+    traced = TwinRobot(
+        hidden, TwinOptions(view=view, camera=PictureOptions(samples=1, edge_samples=3)), nominal
+    )
     exact = TwinRobot(hidden, TwinOptions(pictures=False, noise_px=0.0, view=view), nominal)
     found = []
     for robot in (traced, exact):

@@ -63,7 +63,7 @@ class Client:
     def __init__(self) -> None:
         hidden = [HiddenEffect("joint_offset", "joint:r_elbow", {"offset_rad": 0.06})]
         self.robot = TwinRobot(
-            hidden, TwinOptions(camera=PictureOptions(samples=1, edge_samples=3, ghosts=False))
+            hidden, TwinOptions(camera=PictureOptions(samples=1, edge_samples=2, ghosts=False))
         )
         self.off = False
 
