@@ -144,7 +144,7 @@ def test_lengths_that_are_all_off_by_one_factor_may_be_the_trackers_scale(
 ) -> None:
     found = diagnose(write_chain(tmp_path / "s", SEED, {}, small=small, scale=scale, model_axes=NO_ROLLS))
     assert found.verdict == "explained", found.sentence
-    hinted = [w for w in found.warnings if "one factor" in w]
+    hinted = [w for w in found.warnings if "one scale of all" in w]
     assert len(hinted) == int(scale != 1.0), found.warnings
     if hinted:
         percent = re.search(r"([+-][\d.]+) ± ([\d.]+) %", hinted[0])

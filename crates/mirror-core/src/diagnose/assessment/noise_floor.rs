@@ -151,8 +151,7 @@ fn spent(search: &Search<'_>, fit: &Fit) -> f64 {
     let mut at = fit.first_term;
     let mut of_terms = 0.0;
     for term in &fit.model.terms {
-        for prior in search.catalogue.hypotheses[term.hypothesis].prior_std.iter().take(term.parameters.len())
-        {
+        for prior in search.catalogue.prior_stds(term.hypothesis, term.variant).take(term.parameters.len()) {
             of_terms += told(at, prior * term.prior_scale);
             at += 1;
         }

@@ -62,8 +62,20 @@ impl Catalogue {
 
     /// How many of their prior's deviations the largest of a cause's parameters is.
     pub fn deviations(&self, term: &Term) -> f64 {
-        let stds = &self.hypotheses[term.hypothesis].prior_std;
+        let stds = self.prior_stds(term.hypothesis, term.variant);
         term.parameters.iter().zip(stds).map(|(value, std)| (value / std).abs()).fold(0.0, f64::max)
+    }
+
+    /// The standard deviations of the prior of a hypothesis, at a value of its discrete unknown.
+    pub fn prior_stds(&self, hypothesis: usize, variant: f64) -> impl Iterator<Item = f64> {
+        let scale = if self.effect(hypothesis).is_scaled_by_variant() { variant } else { 1.0 };
+        self.hypotheses[hypothesis].prior_std.iter().map(move |std| scale * std)
+    }
+
+    /// The scales that the prior of a hypothesis may have, with the value of its discrete unknown at each.
+    pub fn prior_scales(&self, hypothesis: usize) -> &[f64] {
+        let scaled = self.effect(hypothesis).is_scaled_by_variant();
+        if scaled { &self.hypotheses[hypothesis].variants } else { &[1.0] }
     }
 
     /// A catalogue with free-form errors behind its own hypotheses, whose indices stay.

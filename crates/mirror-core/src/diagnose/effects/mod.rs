@@ -152,6 +152,11 @@ pub(crate) trait Effect: Send + Sync {
         vec![0.0]
     }
 
+    /// Whether the discrete unknown is the scale of the prior: a factor of its standard deviations, which is learned.
+    fn is_scaled_by_variant(&self) -> bool {
+        false
+    }
+
     /// A value of the discrete unknown that differs from this one only where the effect has a size: with these parameters.
     fn variant_beside(
         &self,

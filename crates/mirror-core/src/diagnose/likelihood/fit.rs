@@ -102,11 +102,11 @@ impl Active {
         out.first_term = out.columns.len();
         for term in &model.terms {
             let positive = catalogue.effect(term.hypothesis).is_positive();
-            let stds = &catalogue.hypotheses[term.hypothesis].prior_std;
+            let stds = catalogue.prior_stds(term.hypothesis, term.variant);
             let columns = catalogue.columns(&problem.scene, term);
             for ((column, std), value) in columns.into_iter().zip(stds).zip(&term.parameters) {
                 let positive = positive || problem.is_least(column.atom);
-                out.push(column, *std * term.prior_scale, *value, positive);
+                out.push(column, std * term.prior_scale, *value, positive);
             }
         }
         out

@@ -103,7 +103,7 @@ pub(crate) fn scored(sums: &ScoreSums, catalogue: &Catalogue, known: &[usize], o
             let g =
                 DVector::from_fn(candidate.g.len(), |k, _| candidate.g[k] + pulled(&|o| candidate.b[(o, k)]));
             let b = if out.is_empty() { candidate.b.clone() } else { candidate.b.select_rows(&kept) };
-            score(candidate, (g, b), &catalogue.hypotheses[candidate.hypothesis].prior_std, base.as_ref())
+            score(candidate, (g, b), catalogue, base.as_ref())
         })
         .collect();
     scores.sort_by(|x, y| y.log_bayes.total_cmp(&x.log_bayes));
@@ -111,14 +111,14 @@ pub(crate) fn scored(sums: &ScoreSums, catalogue: &Catalogue, known: &[usize], o
     Screening { scores, misfit, base, active }
 }
 
-/// The score of one hypothesis, with the gradient of its parameters and the products of the model's columns with its own.
+/// The score of one hypothesis at the most probable scale of its prior, with the gradient of its parameters and the products of the
+/// model's columns with its own.
 fn score(
     candidate: &CandidateSums,
     (mut g, b): (DVector<f64>, DMatrix<f64>),
-    prior_std: &[f64],
+    catalogue: &Catalogue,
     base: Option<&Base>,
 ) -> Score {
-    let s = DVector::from_column_slice(prior_std);
     let mut a = candidate.a.clone();
     a.fill_lower_triangle_with_upper_triangle();
     let across = b.nrows();
@@ -131,33 +131,36 @@ fn score(
         g -= b.tr_mul(along);
         beside = Some(b);
     }
-    let k = g.len();
-    let scaled = DMatrix::from_fn(k, k, |i, j| a[(i, j)] * s[i] * s[j] + if i == j { 1.0 } else { 0.0 });
-    let scaled_g = g.component_mul(&s);
-    let (log_bayes, parameters) = match scaled.clone().cholesky() {
-        Some(factor) => {
-            let mut solution = factor.solve(&scaled_g);
-            if candidate.positive && k > 1 {
-                solution = not_negative(&scaled, &scaled_g, solution);
-            }
-            let log_det = log_det(&factor);
-            let estimate = solution.component_mul(&s);
-            let impossible = candidate.positive && estimate.iter().all(|value| *value <= 0.0);
-            let gain = if impossible { 0.0 } else { 0.5 * scaled_g.dot(&solution) };
-            (gain - 0.5 * log_det, estimate.as_slice().to_vec())
-        }
-        None => (f64::NEG_INFINITY, vec![0.0; k]),
-    };
+    let usual = DVector::from_column_slice(&catalogue.hypotheses[candidate.hypothesis].prior_std);
+    let scales = catalogue.prior_scales(candidate.hypothesis);
+    let at_scale = |scale: &f64| (evidence(candidate.positive, (&a, &g), &(&usual * *scale)), *scale);
+    let by_evidence = |x: &(Evidence, f64), y: &(Evidence, f64)| x.0.0.total_cmp(&y.0.0);
+    let best = scales.iter().map(at_scale).max_by(by_evidence);
+    let ((log_bayes, parameters), scale) = best.unwrap_or(((f64::NEG_INFINITY, vec![0.0; g.len()]), 1.0));
+    let variant = if scales.len() > 1 { scale } else { candidate.variant };
     let estimate = DVector::from_column_slice(&parameters);
     let across = beside.map_or_else(|| DVector::zeros(across), |b| b * estimate);
-    Score {
-        across,
-        hypothesis: candidate.hypothesis,
-        variant: candidate.variant,
-        log_bayes,
-        parameters,
-        information: a,
+    Score { across, hypothesis: candidate.hypothesis, variant, log_bayes, parameters, information: a }
+}
+
+/// Log Bayes factor, and the estimate that belongs to it.
+type Evidence = (f64, Vec<f64>);
+
+/// The evidence of the linear model `a p = g` with a prior of these standard deviations.
+fn evidence(positive: bool, (a, g): (&DMatrix<f64>, &DVector<f64>), std: &DVector<f64>) -> Evidence {
+    let k = g.len();
+    let unit = |i: usize, j: usize| if i == j { 1.0 } else { 0.0 };
+    let scaled = DMatrix::from_fn(k, k, |i, j| a[(i, j)] * std[i] * std[j] + unit(i, j));
+    let scaled_g = g.component_mul(std);
+    let Some(factor) = scaled.clone().cholesky() else { return (f64::NEG_INFINITY, vec![0.0; k]) };
+    let mut solution = factor.solve(&scaled_g);
+    if positive && k > 1 {
+        solution = not_negative(&scaled, &scaled_g, solution);
     }
+    let estimate = solution.component_mul(std);
+    let impossible = positive && estimate.iter().all(|value| *value <= 0.0);
+    let gain = if impossible { 0.0 } else { 0.5 * scaled_g.dot(&solution) };
+    (gain - 0.5 * log_det(&factor), estimate.as_slice().to_vec())
 }
 
 /// The solution of `A x = g` where no x may be negative: those that would be are held at 0, and the others solved for once more.

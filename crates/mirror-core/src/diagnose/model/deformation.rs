@@ -50,6 +50,8 @@ pub(crate) struct Deformation {
     pub tilt: Vec<Vector2<f64>>,
     /// Shift of the origins of the joints that the node carries, in the node's frame, m. The last entry is the base's.
     pub link_shift: Vec<Vector3<f64>>,
+    /// The same by frame, on top of it, `[frame * (nodes + 1) + node]`, m. Empty where no link grows.
+    link_growth: Varying<Vector3<f64>>,
     /// Shift of each joint's own origin, in the frame of what carries it, m.
     pub origin_shift: Vec<Vector3<f64>>,
     /// Shift of each marker in the frame of its mount's link, m.
@@ -94,6 +96,7 @@ impl Deformation {
             sag: Varying::default(),
             tilt: vec![Vector2::zeros(); nodes],
             link_shift: vec![Vector3::zeros(); nodes + 1],
+            link_growth: Varying::default(),
             origin_shift: vec![Vector3::zeros(); nodes],
             marker_shift: vec![Vector3::zeros(); markers],
             varying_shift: Varying::default(),
@@ -152,6 +155,24 @@ impl Deformation {
         *self.sag.at_mut(frame * self.nodes + node, self.joint_delta.len()) += shift;
     }
 
+    /// Shift of the origins of the joints that a node (behind all nodes: the base) carries, in a frame, m, in the node's frame.
+    #[inline]
+    pub fn link_shift_in(&self, frame: usize, node: usize) -> Vector3<f64> {
+        let growth = self.link_growth.at(frame * self.link_shift.len() + node);
+        self.link_shift[node] + growth.copied().unwrap_or_else(Vector3::zeros)
+    }
+
+    pub fn add_link_growth(&mut self, frame: usize, node: usize, shift: Vector3<f64>) {
+        let count = self.frames() * self.link_shift.len();
+        *self.link_growth.at_mut(frame * self.link_shift.len() + node, count) += shift;
+    }
+
+    /// Whether a node (behind all nodes: the base) shifts the joints that it carries in any frame.
+    pub fn shifts_joints_of(&self, node: usize) -> bool {
+        self.link_shift[node] != Vector3::zeros()
+            || self.link_growth.of_place(node, self.link_shift.len()).any(|s| *s != Vector3::zeros())
+    }
+
     /// Shift of a marker in a frame, m, in the frame of its mount's link.
     #[inline]
     pub fn marker_shift_in(&self, frame: usize, marker: usize) -> Vector3<f64> {
@@ -169,7 +190,7 @@ impl Deformation {
     pub fn moves_any(&self, nodes: &[usize]) -> bool {
         nodes.iter().any(|&n| {
             self.tilt[n] != Vector2::zeros()
-                || self.link_shift[n] != Vector3::zeros()
+                || self.shifts_joints_of(n)
                 || self.origin_shift[n] != Vector3::zeros()
                 || self.joint_delta.iter().skip(n).step_by(self.nodes).any(|d| *d != 0.0)
                 || self.bend.of_place(n, self.nodes).any(|b| *b != Vector3::zeros())
@@ -181,7 +202,7 @@ impl Deformation {
     /// Whether a node is not where the nominal model has it in one frame.
     pub fn moves_in(&self, frame: usize, node: usize) -> bool {
         self.tilt[node] != Vector2::zeros()
-            || self.link_shift[node] != Vector3::zeros()
+            || self.link_shift_in(frame, node) != Vector3::zeros()
             || self.origin_shift[node] != Vector3::zeros()
             || self.joint_delta(frame, node) != 0.0
             || self.bend(frame, node).is_some_and(|b| *b != Vector3::zeros())

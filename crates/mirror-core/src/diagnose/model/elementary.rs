@@ -339,8 +339,12 @@ impl Column {
             Atom::Sag(n, k) => by_frame(&mut |f, v| to.add_sag(f, n, Vector3::ith(k, v))),
             Atom::Tilt(n, k) => to.tilt[n][k] += value,
             Atom::OriginShift(n, k) => to.origin_shift[n][k] += value,
-            Atom::LinkShift(n, k) => {
+            Atom::LinkShift(n, k) if constant => {
                 to.link_shift[n.unwrap_or(scene.nodes())] += scene.body.length_axis(n, k) * value;
+            }
+            Atom::LinkShift(n, k) => {
+                let (at, axis) = (n.unwrap_or(scene.nodes()), scene.body.length_axis(n, k));
+                by_frame(&mut |f, v| to.add_link_growth(f, at, axis * v));
             }
             Atom::MarkerShift(m, k) if constant => to.marker_shift[m][k] += value,
             Atom::MarkerShift(m, k) => by_frame(&mut |f, v| to.add_marker_shift(f, m, k, v)),

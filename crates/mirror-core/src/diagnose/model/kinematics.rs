@@ -113,7 +113,8 @@ impl NodePoses {
     ) {
         let (node, base) = (&body.nodes[n], body.nodes.len());
         let mut joint = node.parent_from_joint;
-        joint.t += deformation.link_shift[node.parent.unwrap_or(base)] + deformation.origin_shift[n];
+        joint.t +=
+            deformation.link_shift_in(frame, node.parent.unwrap_or(base)) + deformation.origin_shift[n];
         let mut world_from_joint = match node.parent {
             Some(p) => self.world_from_node[p].then(&joint),
             None => joint,

@@ -296,7 +296,7 @@ impl Problem {
         let nodes = self.scene.nodes();
         self.between_camera_and_board.iter().any(|&n| {
             let carrier = self.scene.body.nodes[n].parent.unwrap_or(nodes);
-            deformation.link_shift[carrier] != Vector3::zeros()
+            deformation.shifts_joints_of(carrier)
         })
     }
 

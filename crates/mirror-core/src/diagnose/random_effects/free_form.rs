@@ -5,10 +5,10 @@
 //! | --- | --- | --- |
 //! | joint | of its position | constant, its position, load, direction of motion, its path (hysteresis), time, another joint's position, both joints' positions |
 //! | joint | of its axis | constant |
-//! | link | turn in the moment of gravity; shift | load; constant |
+//! | link | turn in the moment of gravity; shift | load; constant, time (a line and a parabola from the first row on) |
 //! | marker | shift | constant, direction of gravity, time |
 //! | base | pose in the frame of the measured points | time; load (turn only) |
-//! | camera | mount; smooth warp of the image; mount (turn only); focal length | constant; constant; time, a joint's position; time |
+//! | camera | mount; smooth warp of the image; mount (turn only); focal length | constant; constant; time (knots; a line and a parabola from the first row on), a joint's position; time |
 //! | board | scale and shape | constant |
 //! | mirror | glass, curvature, astigmatism | constant |
 
@@ -32,6 +32,9 @@ const CAMERA_TIME_KNOTS: Size = 10;
 const KNOTS_A_SIDE: Size = 3;
 /// How far hysteresis reaches back, as shares of the range that the joint moves through.
 const HYSTERESIS_REACH: [f64; 4] = [0.04, 0.12, 0.3, 0.6];
+/// The scales that an error's prior may have, as shares of the sizes below; the most probable one is learned. Where only the largest
+/// is tried, several causes that each do a part are more probable than one small smooth error.
+const SCALES: [Prior; 3] = [1.0, 0.25, 0.0625];
 /// A common size of an error of an angle, rad.
 pub(crate) const TYPICAL_RAD: Prior = 0.03;
 /// A common size of a shift, m.
@@ -49,6 +52,8 @@ pub(super) enum On {
     /// The path that the joint came along.
     History,
     Time,
+    /// Time, without coming back: what creeps, sinks or warms up.
+    Creep,
     /// The direction of gravity.
     Posture,
     /// The position of another joint.
@@ -66,7 +71,7 @@ impl On {
             Self::Load => DependsOn::Load,
             Self::Direction => DependsOn::Direction,
             Self::History => DependsOn::History,
-            Self::Time => DependsOn::Time,
+            Self::Time | Self::Creep => DependsOn::Time,
             Self::Posture => DependsOn::Posture,
             Self::Joint(n) => DependsOn::PositionOf(joint(n)),
             Self::Both(n) => DependsOn::PositionAnd(joint(n)),
@@ -169,7 +174,7 @@ impl FreeForm {
                 table(own.iter().flat_map(|a| other.iter().map(move |b| product(a, b))).collect())
             }
             (On::Time, Place::Joint(_)) => table(hats(&scene.time_s, KNOTS)),
-            (On::Time, Place::Link(None)) => table(from_start(&scene.time_s)),
+            (On::Creep, _) => table(from_start(&scene.time_s)),
             (On::Time, Place::Camera) => table(hats(&scene.time_s, CAMERA_TIME_KNOTS)),
             (On::Time, _) => table(hats(&scene.time_s, FEW_KNOTS)),
             (On::Position, Place::Joint(n)) => table(hats(&of(&|f| scene.q(f, n)), KNOTS)),
@@ -311,6 +316,18 @@ impl Effect for FreeForm {
         self.atoms(scene, place).into_iter().flat_map(|(_, size)| vec![size; weights]).collect()
     }
 
+    fn variants(&self, _scene: &Scene, _place: Place) -> Vec<f64> {
+        SCALES.into()
+    }
+
+    fn variants_near(&self, _scene: &Scene, _place: Place, variant: f64) -> Vec<f64> {
+        SCALES.into_iter().filter(|scale| *scale != variant).collect()
+    }
+
+    fn is_scaled_by_variant(&self) -> bool {
+        true
+    }
+
     fn columns(&self, scene: &Scene, place: Place, _variant: f64, _parameters: &[f64]) -> Vec<Column> {
         let weights = self.weights(scene, place);
         self.atoms(scene, place)
@@ -334,7 +351,7 @@ impl Effect for FreeForm {
 
 /// All free-form errors of a scene.
 pub(crate) fn free_forms(scene: &Scene) -> Vec<Box<dyn Effect>> {
-    use On::{Both, Direction, History, Joint, Load, Nothing, Position, Posture, Time};
+    use On::{Both, Creep, Direction, History, Joint, Load, Nothing, Position, Posture, Time};
     let mut kinds = vec![
         (What::Joint, Nothing),
         (What::Joint, Position),
@@ -345,13 +362,15 @@ pub(crate) fn free_forms(scene: &Scene) -> Vec<Box<dyn Effect>> {
         (What::Axis, Nothing),
         (What::LinkTurn, Load),
         (What::LinkShift, Nothing),
+        (What::LinkShift, Creep),
         (What::Marker, Nothing),
         (What::Marker, Posture),
         (What::Marker, Time),
-        (What::Base, Time),
+        (What::Base, Creep),
         (What::Base, Load),
         (What::CameraMount, Nothing),
         (What::CameraMount, Time),
+        (What::CameraMount, Creep),
         (What::Image, Nothing),
         (What::Focal, Time),
         (What::Board, Nothing),

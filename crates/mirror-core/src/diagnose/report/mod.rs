@@ -12,7 +12,6 @@ mod members;
 pub(super) mod missing_rows;
 pub(super) mod named_causes;
 pub(super) mod noise_warnings;
-mod one_scale;
 pub(crate) mod optics_together;
 mod places;
 pub(super) mod plots;

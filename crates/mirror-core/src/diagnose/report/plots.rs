@@ -106,7 +106,7 @@ impl Part {
             Self::Marker(m) => deformation.marker_shift_in(frame, m).as_slice().to_vec(),
             Self::LinkShift(n) => {
                 // The base's shift is stored after those of the nodes.
-                let shift = deformation.link_shift[n.unwrap_or(scene.nodes())];
+                let shift = deformation.link_shift_in(frame, n.unwrap_or(scene.nodes()));
                 (0..3).map(|k| scene.body.length_axis(n, k).dot(&shift)).collect()
             }
             Self::LinkTurn(n) => {

@@ -2,10 +2,10 @@
 
 use crate::diagnose::criteria::cross_validation::{PostureGap, seen_size};
 use crate::diagnose::criteria::marker_shift::marker_shift;
-use crate::diagnose::effects::hypothesis::Catalogue;
+use crate::diagnose::effects::hypothesis::{Catalogue, Term};
 use crate::diagnose::principles::{Count, SEVERAL_CAUSES};
 use crate::diagnose::random_effects::law_columns::LAW_SHARE;
-use crate::diagnose::selection::nonparametric::elsewhere;
+use crate::diagnose::selection::nonparametric::{are_together, elsewhere};
 use crate::diagnose::selection::search::{Found, Search};
 use crate::error::Result;
 
@@ -14,21 +14,33 @@ pub(crate) const MANY_CAUSES: Count = SEVERAL_CAUSES + 1;
 
 /// Whether free-form errors only show that the causes found do not follow their textbook laws exactly: they are at
 /// the causes' own places, and what they explain in addition is a small part of what the causes move.
+///
+/// More causes than those of the other model are pieces that may together imitate one law. They are not where each of its places has one
+/// cause, and these alone, without the others, leave as little.
 pub(crate) fn only_their_laws(
     search: &Search<'_>,
     found: &Found,
     (its_search, with_free): (&Search<'_>, &Found),
     all: &Catalogue,
 ) -> Result<bool> {
-    let terms = found.fit.model.terms.len();
-    if !(1..=MANY_CAUSES).contains(&terms)
-        || terms > with_free.fit.model.terms.len()
-        || elsewhere(all, &with_free.fit.model, &found.fit.model)
-    {
+    let (own, other) = (&found.fit.model, &with_free.fit.model);
+    if elsewhere(all, other, own) {
         return Ok(false);
     }
-    let after = search.held_out(&found.fit.model, found.noise)?;
-    let after_free = its_search.held_out(&with_free.fit.model, with_free.noise)?;
+    let mut at_its_places = own.clone();
+    if own.terms.len() > other.terms.len() {
+        let place = |t: &Term| all.hypotheses[t.hypothesis].place;
+        let causes_at = |t: &Term| own.terms.iter().filter(|c| are_together(place(c), place(t))).count();
+        if other.terms.iter().any(|t| causes_at(t) != 1) {
+            return Ok(false);
+        }
+        at_its_places.terms.retain(|c| other.terms.iter().any(|t| are_together(place(c), place(t))));
+    }
+    if !(1..=MANY_CAUSES).contains(&at_its_places.terms.len()) {
+        return Ok(false);
+    }
+    let after = search.held_out(&at_its_places, found.noise)?;
+    let after_free = its_search.held_out(other, with_free.noise)?;
     Ok(remainder_share(search, found, &after, Some(&after_free))? < LAW_SHARE.powi(2))
 }
 

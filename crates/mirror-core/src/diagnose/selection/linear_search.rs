@@ -141,7 +141,7 @@ impl LinearSearch {
             let zero = vec![0.0; entry.prior_std.len()];
             let own = catalogue.effect(hypothesis).columns(&problem.scene, entry.place, variant, &zero);
             candidates.push(of((hypothesis, variant), columns.len()..columns.len() + own.len(), 0..0));
-            std.extend(&entry.prior_std);
+            std.extend(catalogue.prior_stds(hypothesis, variant));
             values.extend(zero);
             columns.extend(own);
         }

@@ -183,7 +183,8 @@ pub(crate) fn beside_free_forms<'a>(
 
 /// Whether a free-form error has no columns but the group's.
 fn is_in_group(search: &Search<'_>, all: &Catalogue, hypothesis: usize) -> bool {
-    let with = Model::nominal(&search.problem).with(all, hypothesis, 0.0);
+    let unscaled = all.hypotheses[hypothesis].variants.first().copied().unwrap_or_default();
+    let with = Model::nominal(&search.problem).with(all, hypothesis, unscaled);
     all.is_free(hypothesis)
         && with
             .terms
@@ -331,14 +332,15 @@ pub(crate) fn retract_imitators(search: &Search<'_>, found: &mut Found) -> Resul
     Ok(())
 }
 
-/// Places of a model's free-form errors that are not places of these causes.
+/// Whether a model has free-form errors at places that are not places of these causes.
 pub(crate) fn elsewhere(all: &Catalogue, with_free: &Model, causes: &Model) -> bool {
     let place = |h: usize| all.hypotheses[h].place;
-    with_free.terms.iter().filter(|t| all.is_free(t.hypothesis)).any(|t| {
-        let at = place(t.hypothesis);
-        !causes.terms.iter().any(|c| {
-            let other = place(c.hypothesis);
-            other == at || (other.node().is_some() && other.node() == at.node())
-        })
-    })
+    let has_cause = |at: Place| causes.terms.iter().any(|c| are_together(place(c.hypothesis), at));
+    let mut free = with_free.terms.iter().filter(|t| all.is_free(t.hypothesis));
+    free.any(|t| !has_cause(place(t.hypothesis)))
+}
+
+/// Whether two places are the same, or the joint and the link of one node.
+pub(crate) fn are_together(one: Place, other: Place) -> bool {
+    one == other || (one.node().is_some() && one.node() == other.node())
 }

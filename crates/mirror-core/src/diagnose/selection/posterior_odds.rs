@@ -71,9 +71,9 @@ impl Search<'_> {
         hopeless: f64,
     ) -> Result<Fit> {
         let term = &fit.model.terms[i];
-        let stds = &self.catalogue.hypotheses[term.hypothesis].prior_std;
+        let stds = self.catalogue.prior_stds(term.hypothesis, term.variant);
         let multiple = (term.parameters.iter().zip(stds).map(|(p, s)| (p / s).powi(2)).sum::<f64>()
-            / stds.len() as f64)
+            / term.parameters.len() as f64)
             .sqrt();
         let (all, without) = (self.deformation(&fit.model), self.deformation(&fit.model.without(i)));
         let own = marker_shift(&self.problem, &without, &all, noise)?;

@@ -175,7 +175,7 @@ impl Search<'_> {
     pub fn penalty(&self, model: &Model) -> f64 {
         let group = model.group.iter().zip(&self.group.prior_std).map(|(v, s)| (v / s).powi(2));
         let of_term = |t: &Term| -> f64 {
-            let stds = &self.catalogue.hypotheses[t.hypothesis].prior_std;
+            let stds = self.catalogue.prior_stds(t.hypothesis, t.variant);
             t.parameters.iter().zip(stds).map(|(v, s)| (v / (s * t.prior_scale)).powi(2)).sum()
         };
         group.sum::<f64>() + model.terms.iter().map(of_term).sum::<f64>()
