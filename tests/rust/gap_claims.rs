@@ -315,12 +315,12 @@ fn one_scale_of_the_points_is_told_and_no_length_or_mount_is_sure_beside_it() {
     let (percent, std) = (number("points,", "±"), number("±", "%"));
     assert!((percent - 0.6).abs() < 3.0 * std && std < 0.02, "{warning}");
     assert!(scaled.causes.iter().all(|c| c.probability <= 0.5), "{:?}", scaled.causes);
-    // A joint's zero beside it is found as ever.
-    let zero = told(1.006, vec![Wrong::Offset(world.bone("r_elbow"), 0.04)]);
-    assert!(said(&zero).is_some(), "{:?} {:?}", zero.causes, zero.warnings);
+    // A gear's error beside it is found as ever.
+    let geared = told(1.006, vec![Wrong::Ratio(world.bone("r_shoulder_yaw"), 0.05)]);
+    assert!(said(&geared).is_some(), "{:?} {:?}", geared.causes, geared.warnings);
     let sure: Vec<&str> =
-        zero.causes.iter().filter(|c| c.probability > 0.5).map(|c| c.effect.as_str()).collect();
-    assert_eq!(sure, ["joint_offset"], "{:?}", zero.causes);
+        geared.causes.iter().filter(|c| c.probability > 0.5).map(|c| c.effect.as_str()).collect();
+    assert_eq!(sure, ["gear_ratio"], "{:?}", geared.causes);
     // Two lengths that are wrong are no scale.
     let wrong = vec![
         Wrong::Length(Some(world.bone("r_elbow")), [0.004, -0.003, 0.006]),

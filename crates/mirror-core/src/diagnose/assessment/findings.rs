@@ -30,6 +30,8 @@ pub(crate) struct Findings<'a> {
     pub mistakes: Vec<Cause>,
     /// Mistakes that a small error could be instead.
     pub doubts: Vec<Doubt>,
+    /// Probable causes that are not named, because they make the gap smaller in the picture only: their effects and places.
+    pub in_picture_only: Vec<(String, String)>,
     /// A step of a joint's zero that is undone in the search's problem, and the session as it was logged.
     pub step: Option<(Step, Problem)>,
     /// The searches on resampled postures that were made last.

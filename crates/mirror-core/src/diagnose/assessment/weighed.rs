@@ -3,7 +3,7 @@
 
 use crate::diagnose::assessment::findings::Findings;
 use crate::diagnose::assessment::noise_floor::{is_no_noise, is_reached};
-use crate::diagnose::criteria::cross_validation::{PostureGap, in_sample};
+use crate::diagnose::criteria::cross_validation::{PostureGap, in_sample, seen_size};
 use crate::diagnose::criteria::lack_of_fit::adequacy;
 use crate::diagnose::data::diagnosis::Alternative;
 use crate::diagnose::effects::Place;
@@ -11,7 +11,7 @@ use crate::diagnose::effects::hypothesis::Model;
 use crate::diagnose::model::problem::Problem;
 use crate::diagnose::prepare::first_day::Doubt;
 use crate::diagnose::prepare::prepared::Prepared;
-use crate::diagnose::principles::{TEMPER, UNTHOUGHT_OF};
+use crate::diagnose::principles::{TEMPER, UNTHOUGHT_OF, WORTH_NAMING};
 use crate::diagnose::random_effects::geometric_tolerances::Geometry;
 use crate::diagnose::random_effects::outlier_tolerances::odds_of_standing_out;
 use crate::diagnose::selection::alternatives::settled;
@@ -22,6 +22,7 @@ use crate::diagnose::selection::search::{Found, Search};
 use crate::diagnose::selection::simplify::{
     comes_down, drop_useless, gaps, name_nothing, named_for_little, named_in_vain, nominal_gap, without_names,
 };
+use crate::diagnose::selection::standing::Standing;
 use crate::diagnose::selection::zeros_of_link::{ZerosInstead, zeros_instead};
 use crate::error::Result;
 
@@ -96,6 +97,10 @@ pub(crate) fn weighed<'a>(
     // Beside joints that scatter causes were weighed with all that the scatter absorbs.
     let lawless = search.scatter.is_none() && unexplained.as_ref().is_some_and(Unexplained::is_lawless);
     let no_smaller = named_in_vain(&search, &found, &nominal_gap, &after);
+    let mut in_picture_only = Vec::new();
+    if no_smaller && seen_size(&after) < seen_size(&nominal_gap) {
+        in_picture_only = probable(&search, &found, &standings);
+    }
     if no_smaller || lawless && named_for_little(&search, &found, &nominal_gap, &after) {
         let left =
             if no_smaller { "the held-out gap no smaller" } else { "nearly all of a gap that has no place" };
@@ -117,9 +122,21 @@ pub(crate) fn weighed<'a>(
         standings,
         mistakes: prepared.mistakes().to_vec(),
         doubts,
+        in_picture_only,
         step: None,
         resampled: None,
     })
+}
+
+/// The causes that are more probable than not: effect and place.
+fn probable(search: &Search<'_>, found: &Found, standings: &[Option<Standing>]) -> Vec<(String, String)> {
+    let of_terms = found.fit.model.terms.iter().zip(standings);
+    let sure = of_terms.filter(|(_, s)| s.as_ref().is_some_and(|s| s.probability >= WORTH_NAMING));
+    let name = |h: usize| {
+        let place = search.catalogue.hypotheses[h].place.name(&search.problem.scene);
+        (search.catalogue.effect(h).name().to_owned(), place)
+    };
+    sure.map(|(term, _)| name(term.hypothesis)).collect()
 }
 
 /// The gap of the nominal model of a session as it was given. What the session states as unknown (mounts, the frame of measured points) is

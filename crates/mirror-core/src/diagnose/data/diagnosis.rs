@@ -115,7 +115,7 @@ pub struct Limit {
 }
 
 /// The gap before and after, on postures that the fit did not see.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize)]
 pub struct Gap {
     /// RMS distance between predicted and observed marker positions, nominal model, m; none where there is nothing to compare.
     pub before_m: Option<f64>,

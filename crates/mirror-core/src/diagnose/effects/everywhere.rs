@@ -71,7 +71,7 @@ pub(crate) const EVERYWHERE: [MistakeInfo; 15] = [
     mistake(
         "joint_late",
         "a column, or all, fit the rows before; all fit the rows behind where the measurements are late (a negative delay)",
-        "log each row's positions at the moment of its picture, and record again",
+        "log each row's positions at the moment of its picture, once the joints rest, and record again",
         WrittenTo::Nothing,
     ),
     mistake(

@@ -8,7 +8,7 @@
 //! | link | turn in the moment of gravity; shift | load; constant, time (a line and a parabola from the first row on) |
 //! | marker | shift | constant, direction of gravity, time |
 //! | base | pose in the frame of the measured points | time; load (turn only) |
-//! | camera | mount; smooth warp of the image; mount (turn only); focal length | constant; constant; time (knots; a line and a parabola from the first row on), a joint's position; time |
+//! | camera | mount; smooth warp of the image; mount (turn only); focal length | constant; constant; time, a joint's position; time (both with knots, and as a line and a parabola from the first row on) |
 //! | board | scale and shape | constant |
 //! | mirror | glass, curvature, astigmatism | constant |
 
@@ -320,8 +320,9 @@ impl Effect for FreeForm {
         SCALES.into()
     }
 
-    fn variants_near(&self, _scene: &Scene, _place: Place, variant: f64) -> Vec<f64> {
-        SCALES.into_iter().filter(|scale| *scale != variant).collect()
+    // The score test has found the most probable scale.
+    fn variants_near(&self, _scene: &Scene, _place: Place, _variant: f64) -> Vec<f64> {
+        Vec::new()
     }
 
     fn is_scaled_by_variant(&self) -> bool {
@@ -373,6 +374,7 @@ pub(crate) fn free_forms(scene: &Scene) -> Vec<Box<dyn Effect>> {
         (What::CameraMount, Creep),
         (What::Image, Nothing),
         (What::Focal, Time),
+        (What::Focal, Creep),
         (What::Board, Nothing),
         (What::Mirror, Nothing),
     ];

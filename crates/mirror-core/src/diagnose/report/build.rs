@@ -97,7 +97,7 @@ pub(crate) fn diagnosis(
     } else {
         noise_map.insert("point_m".to_owned(), noise.point_m);
     }
-    let sentence = sentence(verdict, &causes, &places, &gap);
+    let sentence = sentence(verdict, &causes, &places, &gap, &findings.in_picture_only);
     Ok(Diagnosis {
         format: "mirror-posture/diagnosis".into(),
         version: VERSION,

@@ -5,8 +5,14 @@ use crate::diagnose::data::diagnosis::{Cause, Gap, Verdict, Where};
 use crate::diagnose::likelihood::probability::tempered;
 use crate::diagnose::principles::{LEAST_LOG_ODDS, SEVERAL_CAUSES, WORTH_NAMING};
 
-/// The verdict, its reasons, and the gap's sizes.
-pub(crate) fn sentence(verdict: Verdict, causes: &[Cause], places: &[Where], gap: &Gap) -> String {
+/// The verdict, its reasons, and the gap's sizes; `in_picture_only` are causes that are not named for that.
+pub(crate) fn sentence(
+    verdict: Verdict,
+    causes: &[Cause],
+    places: &[Where],
+    gap: &Gap,
+    in_picture_only: &[(String, String)],
+) -> String {
     let sizes = match (gap.in_pixels(), [gap.before_m, gap.after_m, gap.noise_floor_m]) {
         (Some([before, after, floor]), _) => {
             format!("{before:.2} px before, {after:.2} px after, {floor:.2} px noise floor")
@@ -44,6 +50,14 @@ pub(crate) fn sentence(verdict: Verdict, causes: &[Cause], places: &[Where], gap
     }
     let left = unexplained_place(places);
     match verdict {
+        Verdict::None if !in_picture_only.is_empty() => {
+            let names: Vec<String> =
+                in_picture_only.iter().map(|(effect, at)| of_place(effect, at)).collect();
+            format!(
+                "No cause is named: {} would make the gap smaller in the picture, but no smaller in metres ({sizes}).",
+                listed(&names)
+            )
+        }
         Verdict::None => format!(
             "Nothing is wrong that these postures could show: the model predicts to the noise floor ({sizes})."
         ),
@@ -161,6 +175,16 @@ mod tests {
 
     fn place(at: &str, on: DependsOn) -> Where {
         Where { at: at.into(), share: 1.0, depends_on: Some(on) }
+    }
+
+    #[test]
+    fn what_only_the_picture_shows_is_not_said_to_be_nothing() {
+        let told = |shown: &[(String, String)]| sentence(Verdict::None, &[], &[], &Gap::default(), shown);
+        assert!(told(&[]).starts_with("Nothing is wrong that these postures could show"));
+        let shown = [("gear_eccentricity".to_owned(), "joint:elbow".to_owned())];
+        let words =
+            "No cause is named: gear eccentricity at joint:elbow would make the gap smaller in the picture";
+        assert!(told(&shown).starts_with(words), "{}", told(&shown));
     }
 
     #[test]

@@ -42,6 +42,12 @@ pub(crate) fn warnings(findings: &Findings<'_>, data: &Data) -> Vec<String> {
             scatter.std_rad.to_degrees()
         ));
     }
+    for (effect, at) in &findings.in_picture_only {
+        out.push(format!(
+            "{effect}@{at} is more probable than not, and not named, since the gap in metres, which the uncertain depth of the markers enlarges, becomes no smaller: \
+             record more views of each posture, from nearer the mirror"
+        ));
+    }
     if !scene.ordered {
         out.push("the rows are not in the order of execution: play and stiction by direction of motion cannot be seen".into());
     }

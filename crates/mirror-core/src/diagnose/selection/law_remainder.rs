@@ -2,6 +2,7 @@
 
 use crate::diagnose::criteria::cross_validation::{PostureGap, seen_size};
 use crate::diagnose::criteria::marker_shift::marker_shift;
+use crate::diagnose::effects::Place;
 use crate::diagnose::effects::hypothesis::{Catalogue, Term};
 use crate::diagnose::principles::{Count, SEVERAL_CAUSES};
 use crate::diagnose::random_effects::law_columns::LAW_SHARE;
@@ -16,7 +17,7 @@ pub(crate) const MANY_CAUSES: Count = SEVERAL_CAUSES + 1;
 /// the causes' own places, and what they explain in addition is a small part of what the causes move.
 ///
 /// More causes than those of the other model are pieces that may together imitate one law. They are not where each of its places has one
-/// cause, and these alone, without the others, leave as little.
+/// cause, and these alone, without the others, leave as little. Optics have no laws that are only nearly followed.
 pub(crate) fn only_their_laws(
     search: &Search<'_>,
     found: &Found,
@@ -31,7 +32,8 @@ pub(crate) fn only_their_laws(
     if own.terms.len() > other.terms.len() {
         let place = |t: &Term| all.hypotheses[t.hypothesis].place;
         let causes_at = |t: &Term| own.terms.iter().filter(|c| are_together(place(c), place(t))).count();
-        if other.terms.iter().any(|t| causes_at(t) != 1) {
+        let of_optics = |t: &Term| matches!(place(t), Place::Camera | Place::Board | Place::Mirror);
+        if other.terms.iter().any(|t| causes_at(t) != 1 || all.is_free(t.hypothesis) && of_optics(t)) {
             return Ok(false);
         }
         at_its_places.terms.retain(|c| other.terms.iter().any(|t| are_together(place(c), place(t))));
@@ -54,7 +56,6 @@ fn remainder_share(
 ) -> Result<f64> {
     let mut none = found.fit.model.clone();
     none.terms.clear();
-    none.group.iter_mut().for_each(|g| *g = 0.0);
     let noise = search.measured_noise;
     let (from, to) = (search.deformation(&none), search.deformation(&found.fit.model));
     let moved = marker_shift(&search.problem, &from, &to, noise)?;

@@ -104,7 +104,7 @@ pub(super) fn reported(
             let words = match j {
                 Some(_) => "the column holds an earlier moment's position",
                 None if *rows < 0.0 => {
-                    "the joints' log holds a later moment's positions: pictures or measured points are late"
+                    "the joints' log holds a later moment's positions: pictures or measured points are late, or were taken before the joints had come to rest"
                 }
                 None => "the joints' log holds an earlier moment's positions",
             };
