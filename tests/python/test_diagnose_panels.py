@@ -185,6 +185,10 @@ def test_places_say_what_they_are() -> None:
         ("mirror", "nothing", "bent in one direction"),
         ("camera", "position of joint:neck", "mount"),
         ("joint:elbow", "posture, each by itself", "slips"),
+        ("joint:elbow", "time", "warms up"),
+        ("link:upper_arm", "time", "grows"),
+        ("camera", "time", "creeps"),
+        ("marker:hand", "time", "peels off"),
     ]:
         left = [{"at": at, "share": 1.0, "depends_on": depends_on}]
         told = next_step(Diagnosis.from_document(document(verdict="unknown", where=left)))
@@ -195,6 +199,10 @@ def test_places_say_what_they_are() -> None:
         )
     by_load = [{"at": "joint:elbow", "share": 1.0, "depends_on": "load"}]
     assert "does this" not in next_step(Diagnosis.from_document(document(verdict="unknown", where=by_load)))
+    only = document(
+        verdict="none", sentence="No cause is named: a at b would make the gap smaller in the picture"
+    )
+    assert next_step(Diagnosis.from_document(only)).startswith("Record more views of each posture")
     slipped = {"effect": "pairing", "at": "data", "probability": 0.98, "parameters": {}}
     rows = Diagnosis.from_document(document(verdict="explained", causes=[slipped]))
     assert next_step(rows).startswith("Mend the rows")

@@ -29,6 +29,7 @@ mod gap_sessions;
 mod gap_setup;
 mod gap_several_mistakes;
 mod gap_spoilt_log;
+mod gap_warming;
 mod gap_world;
 mod glass;
 mod joint;

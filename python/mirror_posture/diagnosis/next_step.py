@@ -22,7 +22,12 @@ OFTEN = {
     "camera": {
         "nothing": "a lens model with too few terms in the camera file does this: calibrate it with more terms",
         "position": "a camera mount that yields as a joint moves does this: press on it",
+        "time": "a mount that creeps or a lens that warms up does this: tighten the mount, and record once the camera is warm",
     },
+    "link": {
+        "time": "a link that grows as it warms up or a screw that settles does this, and a base that shifts on its floor: measure it cold and warm"
+    },
+    "marker": {"time": "a marker that slides or peels off does this: press on it, and fasten it anew"},
     "mirror": {
         "nothing": "a mirror that is bent in one direction does this, as a thin one that leans or hangs: look at a straight line along it, and support its back"
     },
@@ -30,11 +35,16 @@ OFTEN = {
         "posture": "a column that holds another joint's values, other rows' or none does this: compare it with what the joint did; so does "
         "a clutch or a screw that slips: mark shaft and hub, move, and look",
         "row": "a joint that was homed again, slipped on its shaft or lost steps does this: diagnose the rows before and after apart",
+        "time": "a zero that wanders as a drive warms up does this: record once it is warm, and home it before and after",
         "history": "a tendon or a harmonic drive that winds up does this: approach one posture from both sides",
     },
 }
 """Usual reasons of an unexplained error, by the kind of its place and the variable on which it depends:
 what to inspect first."""
+
+
+IN_PICTURE_ONLY = "No cause is named"
+"""How the sentence begins where a probable cause makes the gap smaller in pixels and not in metres."""
 
 
 def next_step(found: Diagnosis) -> str:
@@ -47,6 +57,8 @@ def next_step(found: Diagnosis) -> str:
                 f"Look at the frames of which much was left out ({numbers_in_words(whole)}), whether their rows belong to their pictures. Beside them there is "
                 "nothing to mend: the model predicts as well as the measurement's noise allows."
             )
+        if found.sentence.startswith(IN_PICTURE_ONLY):
+            return "Record more views of each posture, from nearer the mirror, and diagnose again: the depth of the markers is too uncertain to show what the picture shows."
         return "Nothing to mend: the model predicts as well as the measurement's noise allows."
     if verdict == "insufficient" and REFUSED in found.sentence:
         return "Give the camera file that fits the pictures, and run `mirror-posture detect` with --overwrite; then diagnose again."

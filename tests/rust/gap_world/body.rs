@@ -174,6 +174,7 @@ impl World {
                     }
                     Wrong::Coupling(j, k, c) => theta[j] += c * q[k],
                     Wrong::Drift(j, rate) => theta[j] += rate * f as f64,
+                    Wrong::ZeroWarms(j, end) => theta[j] += end * plan.warmth(f),
                     Wrong::Held(j, first, end) if (first..=end).contains(&f) => {
                         theta[j] += commanded[first][j] - q[j];
                     }

@@ -59,6 +59,10 @@ pub enum Wrong {
     Held(usize, usize, usize),
     Mount(usize, [f64; 3]),
     CameraMount([f64; 6]),
+    /// What warms up: a joint's zero, a link's length, the camera's mount. Such an error approaches its end as `1 − exp(−3 t/T)`.
+    ZeroWarms(usize, f64),
+    LinkWarms(usize, [f64; 3]),
+    CameraWarms([f64; 6]),
     /// The board alone: rotation vector and shift in its own frame.
     BoardMount([f64; 6]),
     Focal(f64),
@@ -94,6 +98,24 @@ pub struct Plan {
 impl Default for Plan {
     fn default() -> Self {
         Self { postures: 60, views: 2, noise_px: 0.15, seed: 1, wrong: Vec::new() }
+    }
+}
+
+impl Plan {
+    /// How far everything has warmed up in a row: 0 to 1.
+    fn warmth(&self, row: usize) -> f64 {
+        1.0 - (-3.0 * row as f64 / (self.postures * self.views) as f64).exp()
+    }
+
+    /// The same with links and the camera's mount as warm as they are in a row.
+    fn at_row(&self, row: usize) -> Self {
+        let share = self.warmth(row);
+        let now = |wrong: &Wrong| match wrong {
+            Wrong::LinkWarms(bone, end) => Wrong::Length(Some(*bone), end.map(|x| share * x)),
+            Wrong::CameraWarms(end) => Wrong::CameraMount(end.map(|x| share * x)),
+            other => other.clone(),
+        };
+        Self { wrong: self.wrong.iter().map(now).collect(), ..self.clone() }
     }
 }
 

@@ -21,10 +21,11 @@ impl World {
         let mut rng = ChaCha8Rng::seed_from_u64(plan.seed);
         let commanded = self.commanded(plan, &mut rng);
         let theta = self.actual(plan, &commanded);
-        let light = Light::of(plan);
         let order = self.robots_order();
         let mut frames = Vec::new();
         for (f, q) in commanded.iter().enumerate() {
+            let plan = &plan.at_row(f);
+            let light = Light::of(plan);
             let poses = self.settled(plan, &theta[f]);
             let (carrier, at) = self.camera_mount();
             let quarter = core::f64::consts::FRAC_PI_2;
@@ -95,6 +96,7 @@ impl World {
         let world_from_base = isometry(Vector3::new(1.2, -0.4, 0.7), [0.3, -0.5, 2.0]);
         for (f, frame) in recording.frames.iter_mut().enumerate() {
             frame.sightings.clear();
+            let plan = &plan.at_row(f);
             let poses = self.settled(plan, &theta[f]);
             let world_from_base = world_from_base * base(f, self.moment_about_base(&poses));
             for (marker, at) in self.marker_points(plan, &poses).into_iter().enumerate() {
