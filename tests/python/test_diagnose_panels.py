@@ -13,7 +13,7 @@ import pytest
 import mirror_posture as mp
 from mirror_posture.diagnosis import Diagnosis, Field, Gap, Track
 from mirror_posture.diagnosis.formatting import place_with_article, sentence
-from mirror_posture.diagnosis.next_step import next_step
+from mirror_posture.diagnosis.next_step import next_step, shows_in_picture_only
 from mirror_posture.diagnosis.page import write_report
 from mirror_posture.diagnosis.panel_plots import draw_field, draw_track
 from mirror_posture.diagnosis.plots import gap_told
@@ -203,6 +203,8 @@ def test_places_say_what_they_are() -> None:
         verdict="none", sentence="No cause is named: a at b would make the gap smaller in the picture"
     )
     assert next_step(Diagnosis.from_document(only)).startswith("Record more views of each posture")
+    assert shows_in_picture_only(Diagnosis.from_document(only))
+    assert not shows_in_picture_only(Diagnosis.from_document(document(verdict="none")))
     slipped = {"effect": "pairing", "at": "data", "probability": 0.98, "parameters": {}}
     rows = Diagnosis.from_document(document(verdict="explained", causes=[slipped]))
     assert next_step(rows).startswith("Mend the rows")

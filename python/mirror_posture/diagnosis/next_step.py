@@ -57,7 +57,7 @@ def next_step(found: Diagnosis) -> str:
                 f"Look at the frames of which much was left out ({numbers_in_words(whole)}), whether their rows belong to their pictures. Beside them there is "
                 "nothing to mend: the model predicts as well as the measurement's noise allows."
             )
-        if found.sentence.startswith(IN_PICTURE_ONLY):
+        if shows_in_picture_only(found):
             return "Record more views of each posture, from nearer the mirror, and diagnose again: the depth of the markers is too uncertain to show what the picture shows."
         return "Nothing to mend: the model predicts as well as the measurement's noise allows."
     if verdict == "insufficient" and REFUSED in found.sentence:
@@ -109,6 +109,11 @@ def next_step(found: Diagnosis) -> str:
 def _is_board_or_link(effects: set[str]) -> bool:
     """Whether a shifted board and a link of another length are alternatives."""
     return {"board_mount", "link_length"} <= effects
+
+
+def shows_in_picture_only(found: Diagnosis) -> bool:
+    """Whether a probable cause is not named, since it makes the gap smaller in pixels only."""
+    return found.verdict == "none" and found.sentence.startswith(IN_PICTURE_ONLY)
 
 
 def frames_left_out(found: Diagnosis) -> list[int]:

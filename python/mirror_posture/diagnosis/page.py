@@ -11,7 +11,7 @@ from ..pages import Drawing, inline, render
 from ..session import Session
 from . import actions, formatting, limits
 from .limits import draw_limits
-from .next_step import frames_left_out, next_step
+from .next_step import frames_left_out, next_step, shows_in_picture_only
 from .panel_plots import draw_field, draw_track
 from .parts import Gap
 from .plots import draw_gap, draw_signature, draw_steps, gap_told
@@ -59,6 +59,10 @@ def write_report(session: Session, found: Diagnosis, folder: Path) -> Path:
         )
     # The model is right, and much of some frames was left out.
     incomplete = found.verdict == "none" and bool(frames_left_out(found))
+    unsure = shows_in_picture_only(found)
+    headline = HEADLINES[found.verdict]
+    if incomplete or unsure:
+        headline = "No gap where it could be compared" if incomplete else "No cause is named"
     values = {
         "limits": limits.table(found),
         "version": __version__,
@@ -67,9 +71,10 @@ def write_report(session: Session, found: Diagnosis, folder: Path) -> Path:
         "robot": session.robot.name,
         "postures": len(set(session.frames.posture.tolist())),
         "frames": len(session.frames),
-        "headline": "No gap where it could be compared" if incomplete else HEADLINES[found.verdict],
-        "colour": "partial" if incomplete else found.verdict,
+        "headline": headline,
+        "colour": "partial" if incomplete or unsure else found.verdict,
         "incomplete": incomplete,
+        "unsure": unsure,
         "svg": svg,
         "told": formatting,
         "counted": counted,
