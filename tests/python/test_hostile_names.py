@@ -24,6 +24,7 @@ NAMES = [
     SCRIPT,
     r"a\1 \g<0>",
     "[/red]",
+    "joint a:b: of",
     "a$\\frac{$b",
     "'mirror-posture[mujoco]'",
     "%(x)s {y} {{z}}",

@@ -88,7 +88,7 @@ class Output:
 
     def warn(self, text: str) -> None:
         """A warning, on stderr."""
-        self.errors.print(f"[yellow]warning:[/yellow] {escape(shown(text))}")
+        self.errors.print(Text.assemble(("warning:", "yellow"), f" {shown(text)}"))
 
     def table(
         self, title: str, columns: Iterable[str], rows: Iterable[Iterable[str]], caption: str = ""
@@ -128,13 +128,13 @@ class Output:
     @contextmanager
     def working(self, what: str) -> Iterator[Callable[[str], None]]:
         """The current step, on stderr (if that is a terminal), for work of unknown length."""
-        console = Console(stderr=True)
+        console = Console(stderr=True, emoji=False)
         with console.status(escape(what)) as status:
             yield lambda stage: status.update(escape(shown(stage)))
 
     def problem(self, text: str) -> None:
         """One of several errors, on stderr."""
-        self.errors.print(f"[red]error:[/red] {escape(shown(text))}")
+        self.errors.print(Text.assemble(("error:", "red"), f" {shown(text)}"))
 
     def fail(self, message: str, error: BaseException, code: int) -> None:
         """An error as one line on stderr and, if JSON was requested, as a document on stdout."""
@@ -183,7 +183,8 @@ def write_json(file: Path, document: Any) -> Path:
 
 def _console(stderr: bool) -> Console:
     """A file or a pipe has no width: what would be cut off there is lost."""
-    console = Console(stderr=stderr, highlight=False, soft_wrap=True)
+    # Names with colons (`a:B:`) are no emoji.
+    console = Console(stderr=stderr, highlight=False, soft_wrap=True, emoji=False)
     if not console.is_terminal:
         console.width = WIDEST
     return console
@@ -198,7 +199,7 @@ def _bar() -> Progress:
         MofNCompleteColumn(),
         TimeRemainingColumn(compact=True),
     )
-    return Progress(*columns, console=Console(stderr=True), transient=True)
+    return Progress(*columns, console=Console(stderr=True, emoji=False), transient=True)
 
 
 def plain(value: Any) -> Any:
