@@ -61,8 +61,10 @@ def write_report(session: Session, found: Diagnosis, folder: Path) -> Path:
     incomplete = found.verdict == "none" and bool(frames_left_out(found))
     unsure = shows_in_picture_only(found)
     headline = HEADLINES[found.verdict]
-    if incomplete or unsure:
-        headline = "No gap where it could be compared" if incomplete else "No cause is named"
+    if incomplete:
+        headline = "No gap where it could be compared"
+    elif unsure:
+        headline = "No cause is named"
     values = {
         "limits": limits.table(found),
         "version": __version__,

@@ -132,11 +132,12 @@ pub(crate) fn weighed<'a>(
 fn probable(search: &Search<'_>, found: &Found, standings: &[Option<Standing>]) -> Vec<(String, String)> {
     let of_terms = found.fit.model.terms.iter().zip(standings);
     let sure = of_terms.filter(|(_, s)| s.as_ref().is_some_and(|s| s.probability >= WORTH_NAMING));
-    let name = |h: usize| {
-        let place = search.catalogue.hypotheses[h].place.name(&search.problem.scene);
-        (search.catalogue.effect(h).name().to_owned(), place)
-    };
-    sure.map(|(term, _)| name(term.hypothesis)).collect()
+    sure.map(|(term, _)| effect_and_place(search, term.hypothesis)).collect()
+}
+
+fn effect_and_place(search: &Search<'_>, hypothesis: usize) -> (String, String) {
+    let place = search.catalogue.hypotheses[hypothesis].place.name(&search.problem.scene);
+    (search.catalogue.effect(hypothesis).name().to_owned(), place)
 }
 
 /// The gap of the nominal model of a session as it was given. What the session states as unknown (mounts, the frame of measured points) is
@@ -193,7 +194,8 @@ fn instead_of(
     let own = found.fit.model.terms[i].hypothesis;
     found.trace.push(format!("{told} instead of {}: log odds {odds:.1}", search.catalogue.name(scene, own)));
     let probability = weight / (1.0 + weight);
-    let named = search.catalogue.effect(own).name().to_owned();
-    let of = (named, search.catalogue.hypotheses[own].place.name(scene));
-    Some(Doubt { of, mistake: Alternative { effect: effect.into(), at, probability } })
+    Some(Doubt {
+        of: effect_and_place(search, own),
+        mistake: Alternative { effect: effect.into(), at, probability },
+    })
 }

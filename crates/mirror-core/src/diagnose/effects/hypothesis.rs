@@ -72,6 +72,16 @@ impl Catalogue {
         self.hypotheses[hypothesis].prior_std.iter().map(move |std| scale * std)
     }
 
+    /// The values of a hypothesis' discrete unknown that have columns of their own: one where it is only the scale of the prior.
+    pub fn laws(&self, hypothesis: usize) -> &[f64] {
+        let variants = &self.hypotheses[hypothesis].variants;
+        if self.effect(hypothesis).is_scaled_by_variant() {
+            &variants[..variants.len().min(1)]
+        } else {
+            variants
+        }
+    }
+
     /// The scales that the prior of a hypothesis may have, with the value of its discrete unknown at each.
     pub fn prior_scales(&self, hypothesis: usize) -> &[f64] {
         let scaled = self.effect(hypothesis).is_scaled_by_variant();

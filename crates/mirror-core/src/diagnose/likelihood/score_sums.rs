@@ -72,10 +72,7 @@ impl ScoreSums {
         let (mut first, mut of_free_optics) = (Candidates::default(), Candidates::default());
         for (h, hypothesis) in catalogue.hypotheses.iter().enumerate() {
             let zero = vec![0.0; hypothesis.prior_std.len()];
-            let scaled = catalogue.effect(h).is_scaled_by_variant();
-            // Columns do not depend on the scale of their prior.
-            let different = if scaled { 1 } else { hypothesis.variants.len() };
-            for &variant in &hypothesis.variants[..different] {
+            for &variant in catalogue.laws(h) {
                 let columns = catalogue.effect(h).columns(scene, hypothesis.place, variant, &zero);
                 let apart = !together && columns.iter().any(is_free);
                 if apart { &mut of_free_optics } else { &mut first }.push(h, variant, columns);

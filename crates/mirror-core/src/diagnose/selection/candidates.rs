@@ -144,12 +144,6 @@ impl Search<'_> {
         Ok(screen(&self.problem, self.catalogue, &group, &start, noise, self.mask)?.scores)
     }
 
-    /// Whether a hypothesis has a discrete unknown that changes its columns, and not only the scale of their prior.
-    fn has_several_laws(&self, hypothesis: usize) -> bool {
-        let scaled = self.catalogue.effect(hypothesis).is_scaled_by_variant();
-        !scaled && self.catalogue.hypotheses[hypothesis].variants.len() > 1
-    }
-
     /// A value of a cause's discrete unknown that the score test cannot tell from its own.
     fn variant_beside(&self, term: &Term) -> Option<f64> {
         let (effect, place) =
@@ -161,12 +155,8 @@ impl Search<'_> {
     /// and what it cannot tell.
     fn best_variant(&self, fit: &Fit, noise: Noise, all: bool) -> Result<Fit> {
         let Some(term) = fit.model.terms.last() else { return Ok(fit.clone()) };
-        let hypothesis = &self.catalogue.hypotheses[term.hypothesis];
-        let mut variants = if all && self.has_several_laws(term.hypothesis) {
-            hypothesis.variants.clone()
-        } else {
-            Vec::new()
-        };
+        let laws = self.catalogue.laws(term.hypothesis);
+        let mut variants = if all && laws.len() > 1 { laws.to_vec() } else { Vec::new() };
         variants.extend(self.variant_beside(term));
         if variants.is_empty() {
             return Ok(fit.clone());
@@ -227,7 +217,7 @@ impl Search<'_> {
         let mut sorted: Vec<&Score> = scores.iter().filter(wanted).collect();
         sorted.sort_by(|a, b| value(b).total_cmp(&value(a)));
         let best = sorted.first().map_or(0.0, |s| value(s));
-        let several = |s: &Score| self.has_several_laws(s.hypothesis);
+        let several = |s: &Score| self.catalogue.laws(s.hypothesis).len() > 1;
         let mut chosen: Vec<&Score> = Vec::new();
         for score in sorted {
             let share = if several(score) { REACH_OF_VARIANTS } else { REACH };
