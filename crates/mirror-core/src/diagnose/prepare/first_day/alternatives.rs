@@ -307,8 +307,8 @@ impl<'a> Session<'a> {
                 let first = posture[0];
                 let gains = self.gains_while_held(&mut work, &mut held, (joint, position), &own, first);
                 let changed = first..first + gains.len();
-                held.positions[changed.clone()]
-                    .iter_mut()
+                held.positions
+                    .range_mut(changed.clone())
                     .zip(&column[changed])
                     .for_each(|(row, q)| row[joint] = *q);
                 let Some((a, b)) = best_run(&gains).filter(|(a, b)| b - a + 1 >= FEWEST_FRAMES) else {

@@ -228,8 +228,8 @@ impl Chain {
                 _ => mistake.undo(&mut robot, &session.problem, &mut recording)?,
             }
         }
-        for (frame, row) in recording.frames.iter_mut().zip(&self.variant.positions) {
-            frame.commanded.clone_from(row);
+        for (frame, row) in recording.frames.iter_mut().zip(self.variant.positions.iter()) {
+            frame.commanded = row.to_vec();
         }
         let mut problem = arranged_again(&robot, &recording, &session.problem)?;
         problem.noise = session.problem.noise;

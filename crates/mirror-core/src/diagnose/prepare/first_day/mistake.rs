@@ -115,25 +115,24 @@ impl Mistake {
                 rows.iter_mut().for_each(|row| turning.iter().for_each(|&j| row[j] *= factor));
             }
             Self::ZeroLost { joint, first, offset } => {
-                rows[first..].iter_mut().for_each(|row| row[joint] += offset);
+                rows.range_mut(first..rows.len()).for_each(|row| row[joint] += offset);
             }
             Self::Zero { joint, offset } => rows.iter_mut().for_each(|row| row[joint] += offset),
             Self::Late { joint, rows: late, kind } => {
-                let joints: Vec<usize> =
-                    joint.map_or_else(|| (0..rows.first().map_or(0, Vec::len)).collect(), |j| vec![j]);
+                let joints: Vec<usize> = joint.map_or_else(|| (0..rows.width()).collect(), |j| vec![j]);
                 for j in joints {
                     let column = in_time(&variant.column(j), late, kind);
                     variant.set_column(j, &column);
                 }
             }
             Self::JointFrozen { joint, first, last, position } => {
-                rows[first..=last].iter_mut().for_each(|row| row[joint] = position);
+                rows.range_mut(first..last + 1).for_each(|row| row[joint] = position);
             }
             Self::Rows { first, last, shift } => {
                 let old = rows.clone();
                 for f in first..=last {
                     let from = (f as i64 + shift).clamp(0, old.len() as i64 - 1) as usize;
-                    rows[f].clone_from(&old[from]);
+                    rows[f].copy_from_slice(&old[from]);
                 }
             }
             Self::MarkersSwapped { markers, ref frames, .. } => {
@@ -195,8 +194,8 @@ impl Mistake {
             _ => {
                 let mut variant = Variant::of(recording, problem);
                 self.on_variant(&mut variant);
-                for (frame, row) in recording.frames.iter_mut().zip(variant.positions) {
-                    frame.commanded = row;
+                for (frame, row) in recording.frames.iter_mut().zip(variant.positions.iter()) {
+                    frame.commanded = row.to_vec();
                 }
             }
         }

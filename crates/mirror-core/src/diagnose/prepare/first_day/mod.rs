@@ -55,6 +55,7 @@ mod single_step;
 mod small_delay;
 mod spoilt;
 mod still_log;
+mod table;
 #[cfg(test)]
 mod tests;
 mod there_and_back;

@@ -1,5 +1,6 @@
 //! Runs of rows over which a joint's column stands still, as that of a log that hangs does.
 
+use super::table::Table;
 use crate::diagnose::principles::{FEWEST_FRAMES, FEWEST_POSTURES, Guard, MAJORITY};
 use core::ops::RangeInclusive;
 
@@ -9,7 +10,7 @@ pub(super) const SAME: Guard = 1e-9;
 /// Runs of rows over which a column does not change while others (`rows`: all positions) do, and outside of which it changes together
 /// with others in most steps. A joint that is often commanded to stand still, as where one joint is moved at a time, does so in the run
 /// too: there nothing shows that its log hung.
-pub(super) fn still_runs(column: &[f64], rows: &[Vec<f64>]) -> Vec<(usize, usize)> {
+pub(super) fn still_runs(column: &[f64], rows: &Table<f64>) -> Vec<(usize, usize)> {
     let mut out = Vec::new();
     let mut first = 0;
     for f in 1..=column.len() {
@@ -17,7 +18,7 @@ pub(super) fn still_runs(column: &[f64], rows: &[Vec<f64>]) -> Vec<(usize, usize
             continue;
         }
         let last = f - 1;
-        let mut others: Vec<&Vec<f64>> = rows[first..=last].iter().collect();
+        let mut others: Vec<&[f64]> = (first..=last).map(|row| &rows[row]).collect();
         others.dedup();
         let is_run = others.len() >= FEWEST_POSTURES && last + 1 - first >= FEWEST_FRAMES;
         if is_run && usually_moves(column, rows, first..=last) {
@@ -29,7 +30,7 @@ pub(super) fn still_runs(column: &[f64], rows: &[Vec<f64>]) -> Vec<(usize, usize
 }
 
 /// Whether a column changes, and another one with it, in most of the steps outside of a run in which any column does.
-fn usually_moves(column: &[f64], rows: &[Vec<f64>], run: RangeInclusive<usize>) -> bool {
+fn usually_moves(column: &[f64], rows: &Table<f64>, run: RangeInclusive<usize>) -> bool {
     let (mut all, mut own) = (0.0, 0.0);
     for f in (1..column.len()).filter(|f| !run.contains(f) && rows[*f] != rows[f - 1]) {
         let changed = rows[f].iter().zip(&rows[f - 1]).filter(|(a, b)| a != b).count();
@@ -42,13 +43,14 @@ fn usually_moves(column: &[f64], rows: &[Vec<f64>], run: RangeInclusive<usize>) 
 #[cfg(test)]
 mod tests {
     use crate::diagnose::prepare::first_day::still_log::{SAME, still_runs};
+    use crate::diagnose::prepare::first_day::table::Table;
     use crate::diagnose::principles::FEWEST_FRAMES;
 
     const JOINTS: usize = 3;
 
     fn runs(rows: &[Vec<f64>]) -> Vec<(usize, usize)> {
         let column: Vec<f64> = rows.iter().map(|row| row[0]).collect();
-        still_runs(&column, rows)
+        still_runs(&column, &Table::of(rows))
     }
 
     #[test]

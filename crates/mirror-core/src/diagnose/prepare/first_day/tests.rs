@@ -12,6 +12,7 @@ use super::optics::CLEAR_LOSS;
 use super::outlying;
 use super::permuted::best_names;
 use super::single_cause::{self, Beside, Explained};
+use super::table::Table;
 use super::variant::Variant;
 use crate::diagnose::data::recording::{Recording, Target};
 use crate::diagnose::effects::vocabulary;
@@ -482,7 +483,7 @@ fn the_best_names_are_found_through_exchanges() {
 fn another_unit_of_all_joints_that_turn_leaves_those_that_slide() {
     let problem = column_world::problem();
     let misfit = Misfit::new(&problem).unwrap();
-    let mut variant = Variant::at(vec![vec![0.3, 0.2, 40.0]; problem.frames.len()], &problem);
+    let mut variant = Variant::at(Table::of(vec![[0.3, 0.2, 40.0]; problem.frames.len()]), &problem);
     let all = Session::new(&problem, &misfit, &[]).of_joints(&variant, false);
     let degrees =
         all.iter().find(|m| matches!(m, Mistake::AllUnits { factor, .. } if *factor == 1_f64.to_radians()));

@@ -1,5 +1,6 @@
 //! A session with a mistake undone: the positions, labels and mounts on which the alternatives are tried.
 
+use super::table::Table;
 use crate::diagnose::data::recording::Recording;
 use crate::diagnose::model::body::{Body, NodeId, Site};
 use crate::diagnose::model::problem::Problem;
@@ -9,11 +10,11 @@ use nalgebra::Vector3;
 #[derive(Debug, Clone)]
 pub(super) struct Variant {
     /// `positions[frame][joint]`, rad or m.
-    pub positions: Vec<Vec<f64>>,
+    pub positions: Table<f64>,
     /// −1 for a node whose joint turns the other way, else 1.
     pub signs: Vec<f64>,
     /// `labels[frame][name]`: the marker that a name denotes.
-    pub labels: Vec<Vec<usize>>,
+    pub labels: Table<usize>,
     /// The markers' places.
     pub sites: Vec<Site>,
     /// Factor between the size of the board's squares and the session's.
@@ -25,15 +26,15 @@ pub(super) struct Variant {
 impl Variant {
     /// As it was recorded.
     pub fn of(recording: &Recording, problem: &Problem) -> Self {
-        Self::at(recording.frames.iter().map(|f| f.commanded.clone()).collect(), problem)
+        Self::at(Table::of(recording.frames.iter().map(|f| &f.commanded)), problem)
     }
 
     /// As a problem has it, at positions row by row.
-    pub fn at(positions: Vec<Vec<f64>>, problem: &Problem) -> Self {
+    pub fn at(positions: Table<f64>, problem: &Problem) -> Self {
         let markers = problem.marker_sites.len();
         Self {
             signs: vec![1.0; problem.scene.nodes()],
-            labels: vec![(0..markers).collect(); positions.len()],
+            labels: Table::of(vec![(0..markers).collect::<Vec<_>>(); positions.len()]),
             positions,
             sites: problem.marker_sites.clone(),
             squares: 1.0,
