@@ -536,6 +536,16 @@ def drawn_pattern(
 def levels_without_ghost(
     light: list[npt.NDArray[np.float32]], part: list[int], ratio: float, levels: npt.NDArray[np.uint8]
 ) -> npt.NDArray[np.uint8]: ...
+def find_rests(
+    time_s: npt.ArrayLike, positions: npt.ArrayLike, tolerance: float, least_s: float
+) -> _Array: ...
+def match_clocks(
+    time_s: npt.ArrayLike,
+    positions: npt.ArrayLike,
+    picture_s: npt.ArrayLike,
+    motion: npt.ArrayLike,
+    most_s: float,
+) -> tuple[float, float, bool]: ...
 def plain_png(content: bytes) -> npt.NDArray[np.uint8] | None: ...
 def chroma_step(bgr: npt.NDArray[np.uint8]) -> tuple[int, int]: ...
 def color_regions(

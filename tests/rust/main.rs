@@ -33,6 +33,7 @@ mod gap_warming;
 mod gap_world;
 mod glass;
 mod joint;
+mod joint_log;
 mod measure;
 mod mirror;
 mod montecarlo;

@@ -15,6 +15,7 @@
 //! | [`measure`] | a session by one mirror estimator: mirrors, then markers |
 //! | [`outline`] | coloured balls in pictures: their outline and centre, with covariance |
 //! | [`robot`] | URDF to a validated tree; kinematics, Jacobians, gravity torques |
+//! | [`joint_log`] | a log of joints beside pictures: moments of rest, the offset between both clocks |
 //! | [`correct`] | the correction loop: damped steps from marker errors to commands, and its stop reasons |
 //! | [`diagnose`] | the diagnosis: forward model, effects, screening, search, evidence, verdict |
 //!
@@ -36,6 +37,7 @@ pub mod diagnose;
 mod error;
 pub mod geometry;
 pub mod joint;
+pub mod joint_log;
 mod least_squares;
 pub mod measure;
 pub mod mirror;

@@ -8,6 +8,7 @@ mod errors;
 mod feed_forward;
 mod gap;
 mod gap_own;
+mod joint_log;
 mod measure;
 mod mirror;
 mod optics;
@@ -39,6 +40,8 @@ mod _core {
     use crate::gap::{DiagnosisProgress, GapRecording};
     #[pymodule_export]
     use crate::gap::{effects, mistakes};
+    #[pymodule_export]
+    use crate::joint_log::{find_rests, match_clocks};
     #[pymodule_export]
     use crate::measure::{MeasureInput, Measured};
     #[pymodule_export]

@@ -227,7 +227,7 @@ def match_begins(log: JointLog, picture_s: Floats, motion: Floats) -> ClockMatch
     within half a minute."""
     shift = float(picture_s[0] - log.time_s[0])
     found = match_clocks(log, picture_s - shift, motion, most_s=BEGAN_WITHIN_S)
-    return ClockMatch(shift + found.offset_s, found.match)
+    return replace(found, offset_s=shift + found.offset_s)
 
 
 def _choose(rests: list[Rest], picture_s: Floats, sharp: list[float], offset_s: float) -> dict[int, int]:
