@@ -63,8 +63,12 @@ pub(crate) fn with_or_without_setup(
     let most_causes = search.options.most_causes;
     search.options.most_causes = most_causes.min(SEVERAL_CAUSES);
     let mut few = search.run(nominal.clone())?;
-    // What a displaced camera or board does to the views of a posture was noise until here.
-    look_again_at_noise(search, &few.fit.model, stated)?;
+    // What a displaced camera or board, or a wrong lens, does to the views of a posture was noise until here, and hid causes.
+    if look_again_at_noise(search, &few.fit.model, stated)? {
+        let first = core::mem::take(&mut few.trace);
+        few = search.run(few.fit.model)?;
+        few.trace.splice(0..0, first);
+    }
     let mut enough = suffices(search, &few)?;
     // With few postures three wrong causes may leave a remainder that free mounts then absorb.
     if !enough
