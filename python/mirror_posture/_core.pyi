@@ -353,6 +353,34 @@ class Measured:
     def degrees_of_freedom(self) -> int | None: ...
 
 @final
+class CheckedViews:
+    @property
+    def board_rms_px(self) -> float: ...
+    @property
+    def marker_px(self) -> float | None: ...
+    @property
+    def noise_px(self) -> float: ...
+    @property
+    def mistake(self) -> str: ...
+    @property
+    def readings(self) -> list[tuple[str, str, str, str, float]]: ...
+
+def check_views(
+    camera: Camera,
+    corners: tuple[int, int],
+    square_m: float,
+    camera_from_board: npt.ArrayLike,
+    board_px: npt.ArrayLike,
+    marker_px: npt.ArrayLike,
+    marker_seen: npt.ArrayLike,
+    marker_in_camera_m: npt.ArrayLike,
+    glass_thickness_m: float,
+    refractive_index: float,
+    noise_px: float,
+    gross: bool = False,
+) -> CheckedViews: ...
+
+@final
 class CorrectionStep:
     @property
     def change(self) -> _Array: ...

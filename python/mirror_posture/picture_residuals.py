@@ -26,7 +26,7 @@ from .mirror import MirrorEstimates, Rig, estimate_mirrors
 from .rotations import reflected
 from .triangulate import MarkerPositions
 from .view_check.check import check
-from .view_check.fit import Views
+from .view_check.views import Views
 
 TAKEN_UP = 2.5
 """How many times what corners show of an error that they share a plane may have taken up: measured on pictures of shutters that roll."""
@@ -49,7 +49,7 @@ def tested_mirrors(
     wrong = np.flatnonzero(shown > max(OUTLYING_VIEW_PX, OUTLYING_VIEW * noise_px))
     if len(wrong):
         first = int(wrong[0])
-        said = check(_views(rig, corners_px[wrong]), noise_px).mistake
+        said = check(Views.of_boards(rig, corners_px[wrong]), noise_px).mistake
         stands = (
             f"its corners lie {shown[first]:.1f} px from any mirror's"
             if np.isfinite(shown[first])
@@ -72,22 +72,6 @@ def tested_mirrors(
     return estimate_mirrors(wider, corners_px, noise_px=float(shown[worst])), (
         f"the board's corners lie {shown[worst]:.2f} px from any mirror's (their noise: {noise_px:.2f} px): a shutter that rolls, a bent board, another camera's file, or a board that "
         f"moved; ± is widened to a board known to {np.degrees(rotation):.2f}°",
-    )
-
-
-def _views(rig: Rig, corners_px: Floats) -> Views:
-    """Views without markers, as the check of usual mistakes takes them."""
-    count = len(corners_px)
-    return Views(
-        rig.camera,
-        rig.board,
-        np.repeat(np.asarray(rig.camera_from_board, dtype=np.float64)[None], count, axis=0),
-        corners_px,
-        np.zeros((count, 0, 2)),
-        np.zeros((count, 0), dtype=bool),
-        np.zeros((count, 0, 3)),
-        rig.glass_thickness_m,
-        rig.refractive_index,
     )
 
 

@@ -123,6 +123,7 @@ batches = {
     "triangulation": many("triangulate", 150_000, 1, 2),
     "mirrors": many("estimate_mirrors", 80_000, 0),
     "balls": many("measure_balls", 2_000, 1, 2),
+    "views": many("check_views", 500, 3, 4, 5, 6, 7),
 }
 for name, (function, args) in batches.items():
     print(name, flush=True)
@@ -139,7 +140,7 @@ def test_ctrl_c_ends_long_batches_at_once() -> None:
         [sys.executable, "-c", BATCHES], stdout=subprocess.PIPE, text=True, cwd=Path(__file__).parent
     )
     assert child.stdout is not None
-    for name in ("second camera", "triangulation", "mirrors", "balls"):
+    for name in ("second camera", "triangulation", "mirrors", "balls", "views"):
         assert child.stdout.readline() == f"{name}\n"
         time.sleep(0.3)
         begun = cpu_s(child.pid)

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 import mirror_posture as mp
+from mirror_posture import _core
 from mirror_posture.session import Session
 from mirror_posture.view_check import check_views
-from mirror_posture.view_check.fit import Views
 from test_measurement import simulated
 
 WIDTH, HEIGHT = 1400, 1200
@@ -117,11 +117,25 @@ def test_a_camera_file_of_half_the_resolution_is_explained_by_its_factor(session
         # Pixel centres are whole numbers: the picture's corner is at -0.5.
         center_px=((camera.center_px[0] + 0.5) / 2 - 0.5, (camera.center_px[1] + 0.5) / 2 - 0.5),
     )
-    views = Views.of(replace(session, camera=half))
-    assert views is not None
-    (fit,) = (fit for fit in views.best_factors() if fit.reading.camera_factor != 1.0)
-    assert fit.reading.camera_factor == pytest.approx(2.0, rel=2e-3)
-    assert fit.board_rms_px < 0.4
+    checked = check_views(replace(session, camera=half))
+    assert checked is not None and "2.00 times its focal length and centre fit" in checked.mistake, checked
+    (reading,) = (each for each in checked.readings if each.name == "camera of another resolution")
+    assert reading.factor == pytest.approx(2.0, rel=2e-3)
+
+
+def test_what_a_reading_is_named_by_is_in_the_vocabulary_of_a_diagnosis(session: Session) -> None:
+    assert session.camera is not None and session.board is not None
+    spoilt = [
+        with_pixels(session, left_right),
+        with_pixels(session, lambda px: px, lambda grid: grid[:, ::-1, ::-1]),
+        replace(session, board=replace(session.board, square_m=0.02)),
+        replace(session, camera=replace(session.camera, focal_px=(1200.0, 1200.0))),
+    ]
+    told = {
+        reading.effect for each in map(check_views, spoilt) if each is not None for reading in each.readings
+    }
+    known = {effect["name"] for effect in _core.effects()} | {mistake["name"] for mistake in _core.mistakes()}
+    assert {"picture_flipped", "board_turned", "board_scale", "camera_focal"} <= told <= known | {""}
 
 
 def test_a_mount_that_is_a_little_off_is_no_mistake_but_widens_what_is_claimed(session: Session) -> None:

@@ -13,6 +13,7 @@
 //! | [`calibrate`] | the camera–board transform from mirror views alone, or with a second camera |
 //! | `picture` | (feature `picture`) ray tracer: pictures of a robot in front of a mirror, with their truth |
 //! | [`measure`] | a session by one mirror estimator: mirrors, then markers |
+//! | [`view_check`] | whether pictures are what they claim to be, and which usual mistake was made |
 //! | [`outline`] | coloured balls in pictures: their outline and centre, with covariance |
 //! | [`robot`] | URDF to a validated tree; kinematics, Jacobians, gravity torques |
 //! | [`joint_log`] | a log of joints beside pictures: moments of rest, the offset between both clocks |
@@ -48,6 +49,7 @@ mod random;
 pub mod robot;
 mod statistics;
 pub mod triangulate;
+pub mod view_check;
 
 pub use cancel::Cancel;
 pub use error::{Error, Result};

@@ -1,5 +1,5 @@
-//! Medians, quantiles of the normal and of the chi-squared distribution, runs in a sequence, and an evenly spread
-//! sequence.
+//! Medians, quantiles of the normal and of the chi-squared distribution, runs in a sequence, an evenly spread sequence,
+//! and the least value of a function by golden sections.
 
 /// (√5 − 1)/2. The fractional parts of its multiples are evenly spread whatever their number, without a period; it
 /// is also the factor by which a golden-section search narrows its interval.
@@ -12,6 +12,45 @@ pub(crate) fn median(mut values: Vec<f64>) -> f64 {
     }
     let middle = values.len() / 2;
     *values.select_nth_unstable_by(middle, f64::total_cmp).1
+}
+
+/// As [`median`], of an even count the mean of the two in the middle (infinite where one of them is).
+pub(crate) fn median_of_both(mut values: Vec<f64>) -> f64 {
+    if values.is_empty() {
+        return 0.0;
+    }
+    let middle = values.len() / 2;
+    let even = values.len().is_multiple_of(2);
+    let (below, upper, _) = values.select_nth_unstable_by(middle, f64::total_cmp);
+    let lower = below.iter().copied().max_by(f64::total_cmp).filter(|_| even).unwrap_or(*upper);
+    0.5 * (lower + *upper)
+}
+
+/// Where a function is least between two numbers, by so many golden sections; of two equal values the larger number's
+/// side is kept.
+///
+/// # Errors
+/// Those of the function.
+pub(crate) fn least_between<E>(
+    mut a: f64,
+    mut b: f64,
+    sections: usize,
+    mut of: impl FnMut(f64) -> Result<f64, E>,
+) -> Result<f64, E> {
+    let (mut c, mut d) = (b - GOLDEN_SECTION * (b - a), a + GOLDEN_SECTION * (b - a));
+    let (mut at_c, mut at_d) = (of(c)?, of(d)?);
+    for _ in 0..sections {
+        if at_c < at_d {
+            (b, d, at_d) = (d, c, at_c);
+            c = b - GOLDEN_SECTION * (b - a);
+            at_c = of(c)?;
+        } else {
+            (a, c, at_c) = (c, d, at_d);
+            d = a + GOLDEN_SECTION * (b - a);
+            at_d = of(d)?;
+        }
+    }
+    Ok(0.5 * (a + b))
 }
 
 /// The run with the largest sum (Kadane), first and last; none where no sum is positive.
@@ -91,6 +130,23 @@ pub(crate) fn reduced_chi_squared_at(z: f64, degrees_of_freedom: f64) -> f64 {
 mod tests {
     use super::*;
     use approx::assert_relative_eq;
+
+    #[test]
+    fn the_median_of_an_even_count_lies_between_the_two_in_the_middle() {
+        assert_eq!(median_of_both(vec![4.0, 1.0, 3.0, 10.0]), 3.5);
+        assert_eq!(median_of_both(vec![4.0, 1.0, 10.0]), 4.0);
+        assert_eq!(median_of_both(vec![f64::INFINITY, 1.0]), f64::INFINITY);
+        assert_eq!(median_of_both(vec![]), 0.0);
+    }
+
+    #[test]
+    fn golden_sections_find_the_least_value_and_hand_errors_on() {
+        let found = least_between(-1.0, 2.0, 40, |x| Ok::<_, ()>((x - 0.3).powi(2)));
+        assert!(found.is_ok_and(|at| (at - 0.3).abs() < 1e-7));
+        // Where all is equal the larger number's side is kept.
+        assert!(least_between(0.0, 1.0, 30, |_| Ok::<_, ()>(f64::INFINITY)).is_ok_and(|at| at > 0.999));
+        assert_eq!(least_between(0.0, 1.0, 30, |x| if x > 0.9 { Err("late") } else { Ok(-x) }), Err("late"));
+    }
 
     #[test]
     fn quantiles_are_those_of_the_tables() {

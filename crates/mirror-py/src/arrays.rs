@@ -87,6 +87,23 @@ pub fn stacked(argument: &str, array: &ArrayDynLike<'_>, inner: &[usize]) -> PyR
     Ok((shape[0], numbers))
 }
 
+/// As [`stacked`], of an array that must have so many rows: one a frame, or one a view.
+pub fn of_rows(argument: &str, array: &ArrayDynLike<'_>, inner: &[usize], rows: usize) -> PyResult<Vec<f64>> {
+    let (got, numbers) = stacked(argument, array, inner)?;
+    if got != rows {
+        return Err(shape_error(argument, array.shape(), &format!("{rows} rows, one a frame")));
+    }
+    Ok(numbers)
+}
+
+/// Reads a mask of a given shape, by rows.
+pub fn mask(argument: &str, array: &PyArrayLike2<'_, bool>, shape: [usize; 2]) -> PyResult<Vec<bool>> {
+    if array.shape() != shape {
+        return Err(shape_error(argument, array.shape(), &format!("{shape:?}")));
+    }
+    Ok(array.as_array().iter().copied().collect())
+}
+
 /// Reads a `(6, 6)` covariance of a pose, in the tangent with rotation first.
 pub fn pose_covariance(argument: &str, array: &Array2Like<'_>) -> PyResult<Matrix6<f64>> {
     if array.shape() != [6, 6] {

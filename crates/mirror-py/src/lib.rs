@@ -19,6 +19,7 @@ mod planned;
 mod png_file;
 mod robot;
 mod triangulate;
+mod view_check;
 mod work;
 
 /// The compiled core of `mirror_posture`.
@@ -67,6 +68,8 @@ mod _core {
     use crate::triangulate::{
         PyMarkers, PyPointBatch, PyVirtualRays, triangulate, two_view_markers, virtual_rays,
     };
+    #[pymodule_export]
+    use crate::view_check::{PyCheckedViews, check_views};
 
     #[pymodule_init]
     fn init(module: &pyo3::Bound<'_, pyo3::types::PyModule>) -> pyo3::PyResult<()> {

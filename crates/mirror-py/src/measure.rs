@@ -1,6 +1,8 @@
 //! Bindings of `mirror_core::measure` and `mirror_core::joint`: a session's arrays in, mirrors and markers out.
 
-use crate::arrays::{Array2Like, ArrayDynLike, isometries, pose_covariance, reshaped, shape_error, stacked};
+use crate::arrays::{
+    Array2Like, ArrayDynLike, isometries, mask, of_rows, pose_covariance, reshaped, shape_error,
+};
 use crate::camera::PyCamera;
 use crate::errors::{MirrorPostureError, to_py};
 use crate::work::Work;
@@ -15,7 +17,7 @@ use mirror_core::mirror::{
 use mirror_core::triangulate::TriangulationOptions;
 use mirror_core::{Cancel, Error};
 use nalgebra::{Isometry3, Matrix3, Matrix6, Vector2, Vector3};
-use numpy::{PyArray1, PyArray2, PyArray3, PyArrayLike2, PyUntypedArrayMethods};
+use numpy::{PyArray1, PyArray2, PyArray3, PyArrayLike2};
 use pyo3::prelude::*;
 
 /// With many rows off the model (a slipping joint, wrong detections) the robust loss settles slowly.
@@ -59,22 +61,6 @@ pub struct Measured {
     degrees_of_freedom: Option<usize>,
 }
 
-fn mask(argument: &str, array: &PyArrayLike2<'_, bool>, shape: [usize; 2]) -> PyResult<Vec<bool>> {
-    if array.shape() != shape {
-        return Err(shape_error(argument, array.shape(), &format!("{shape:?}")));
-    }
-    Ok(array.as_array().iter().copied().collect())
-}
-
-/// The numbers of a session's array, its rows counted.
-fn of_session(argument: &str, array: &ArrayDynLike<'_>, inner: &[usize], rows: usize) -> PyResult<Vec<f64>> {
-    let (got, numbers) = stacked(argument, array, inner)?;
-    if got != rows {
-        return Err(shape_error(argument, array.shape(), &format!("{rows} rows, one a frame")));
-    }
-    Ok(numbers)
-}
-
 #[pymethods]
 impl MeasureInput {
     #[new]
@@ -109,16 +95,16 @@ impl MeasureInput {
                 &format!("{count} rows"),
             ));
         }
-        let board_px = of_session("board_px", &board_px, &[corners, 2], count)?;
+        let board_px = of_rows("board_px", &board_px, &[corners, 2], count)?;
         let board_seen = mask("board_seen", &board_seen, [count, corners])?;
         let seen = [
             (
-                of_session("marker_px", &marker_px, &[markers, 2], count)?,
+                of_rows("marker_px", &marker_px, &[markers, 2], count)?,
                 mask("marker_seen", &marker_seen, [count, markers])?,
                 Via::Mirror,
             ),
             (
-                of_session("direct_px", &direct_px, &[markers, 2], count)?,
+                of_rows("direct_px", &direct_px, &[markers, 2], count)?,
                 mask("direct_seen", &direct_seen, [count, markers])?,
                 Via::Direct,
             ),

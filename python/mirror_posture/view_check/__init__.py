@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from .check import ViewCheck, check_views, refuse_mistakes, refuse_unnamed_mistakes
-from .readings import Reading
+from .check import Fit, Reading, ViewCheck, check_views, refuse_mistakes, refuse_unnamed_mistakes
 
-__all__ = ["Reading", "ViewCheck", "check_views", "refuse_mistakes", "refuse_unnamed_mistakes"]
+__all__ = ["Fit", "Reading", "ViewCheck", "check_views", "refuse_mistakes", "refuse_unnamed_mistakes"]

@@ -10,7 +10,8 @@ use crate::diagnose::model::body::NodeId;
 use crate::diagnose::model::problem::{Observation, Problem, Seen};
 use crate::diagnose::prepare::row_slip::LARGEST_SHIFT;
 use crate::diagnose::principles::{FEWEST_FRAMES, Grid, NEARLY_ALL, Size, Threshold, WORTH_NAMING};
-use crate::statistics::{GOLDEN_SECTION, best_run};
+use crate::statistics::{best_run, least_between};
+use core::convert::Infallible;
 use core::f64::consts::{FRAC_PI_2, PI};
 use std::collections::BTreeSet;
 
@@ -442,19 +443,7 @@ fn moves(column: &[f64]) -> bool {
 }
 
 /// The minimum of a function between two numbers by golden sections.
-pub(super) fn least(mut a: f64, mut b: f64, mut of: impl FnMut(f64) -> f64) -> f64 {
-    let (mut c, mut d) = (b - GOLDEN_SECTION * (b - a), a + GOLDEN_SECTION * (b - a));
-    let (mut at_c, mut at_d) = (of(c), of(d));
-    for _ in 0..14 {
-        if at_c < at_d {
-            (b, d, at_d) = (d, c, at_c);
-            c = b - GOLDEN_SECTION * (b - a);
-            at_c = of(c);
-        } else {
-            (a, c, at_c) = (c, d, at_d);
-            d = a + GOLDEN_SECTION * (b - a);
-            at_d = of(d);
-        }
-    }
-    0.5 * (a + b)
+pub(super) fn least(a: f64, b: f64, mut of: impl FnMut(f64) -> f64) -> f64 {
+    let Ok(at) = least_between(a, b, 14, |x| Ok::<_, Infallible>(of(x)));
+    at
 }
