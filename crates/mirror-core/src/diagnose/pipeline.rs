@@ -58,6 +58,8 @@ pub(crate) struct Outcome {
     pub diagnosis: Diagnosis,
     /// Rows were left out as slipped, but fit their own postures once the causes are known.
     pub rows_in_order: bool,
+    /// A diagnosis under another direction of gravity may explain all.
+    pub loads_may_be_turned: bool,
     /// The result without causes that are far larger than such an error usually is.
     pub known: FirstResult,
     /// Whether there are such causes.
@@ -216,6 +218,7 @@ pub(crate) fn diagnose(
     let noise = findings.search.detector_noise();
     Ok(Outcome {
         rows_in_order,
+        loads_may_be_turned: prepared.loads_may_be_turned(),
         known,
         too_large,
         says_nothing,

@@ -1,7 +1,7 @@
 //! A session ready for the search: gross mistakes undone, the noise known, slipped rows left out.
 
 use super::boards::leave_out_wrong_grids;
-use super::first_day::{self, Doubt, Lost, Memory, Step, Undone};
+use super::first_day::{self, Doubt, Lost, Memory, Step, Suspects, Undone};
 use super::first_result::FirstResult;
 use super::options::DiagnoseOptions;
 use super::row_slip::{self, Slip};
@@ -32,9 +32,8 @@ pub(crate) struct Prepared {
 
 impl Prepared {
     /// Prepares a session; `known`: the result of a first diagnosis, with which smaller gross mistakes can be
-    /// found. `tried`: whether rows that repeat a measurement may be named, which a second diagnosis without slipped
-    /// rows still does; whether a column may be taken as spoilt in a way that has no public name. `memory`: the
-    /// results of earlier preparations of the same session.
+    /// found. `suspects`: rows that repeat a measurement may be named by a second diagnosis without slipped rows too.
+    /// `memory`: the results of earlier preparations of the same session.
     ///
     /// # Errors
     /// A recording that is not valid, links that do not exist, invalid parameters of the camera.
@@ -43,7 +42,7 @@ impl Prepared {
         recording: &Recording,
         options: &DiagnoseOptions,
         known: Option<&FirstResult>,
-        tried: (bool, bool),
+        suspects: Suspects,
         memory: &mut Memory,
     ) -> Result<Self> {
         let mut problem = Problem::new(robot, recording)?;
@@ -53,7 +52,8 @@ impl Prepared {
         let stated = problem.noise;
         let mut left_out = leave_out_wrong_grids(&mut problem);
         let given = problem.clone();
-        let undone = first_day::undone(robot, recording, &problem, &options.without, known, tried, memory)?;
+        let undone =
+            first_day::undone(robot, recording, &problem, &options.without, known, suspects, memory)?;
         if let Some(undone) = &undone {
             problem = undone.problem.clone();
             problem.cancel = given.cancel.clone();
@@ -128,6 +128,11 @@ impl Prepared {
     /// The joint that has another zero from a row on, which is undone, and the session before that.
     pub fn step(&self) -> Option<&(Step, Problem)> {
         self.undone.as_ref().and_then(|u| u.step.as_ref())
+    }
+
+    /// Whether a diagnosis under another direction of gravity may explain all.
+    pub fn loads_may_be_turned(&self) -> bool {
+        self.undone.as_ref().is_some_and(|u| u.loads_may_be_turned)
     }
 
     /// Mistakes that a small error could be instead.

@@ -11,6 +11,7 @@
 //! | a ratio is named twice at one joint, or does not differ from the model's; a picture of another size together with a focal length that cancels it; a slip by fewer than twelve deviations; slipped rows that fit their own postures once the causes are known | leaves out that mistake | explains everything, or leaves no larger gap (with the slipped rows there is more to predict: less than twice as much, where the first left something unexplained too) |
 //! | a delay is named that does not differ from none | leaves out delays | explains everything, or leaves no larger gap. It may give reason for doubt itself |
 //! | gravity is named as turned, and something is unexplained, or no cause of its own yields to a load as a spring does and moves a part of the gap | leaves out that; small errors everywhere, if they were named, are tried in place of all causes | explains everything, or leaves no larger gap |
+//! | a spring under another direction of gravity explains more than any single cause | assumes that direction | explains everything with no more causes, a spring that moves a part of the gap among them, and leaves no larger gap |
 //! | several markers are named on other links | leaves out that | explains everything, and leaves no larger gap, or one by less than held-out regions show |
 //! | a joint's error is independent in each posture, together with a mistake of its column, a marker on another link, or slipped rows | leaves out all such mistakes | leaves less than twice as much. It is always accepted if these errors are more than half of what the column moves: the column is unrelated to the joint |
 //! | a mistake of a column leaves more than half of the gap | leaves out the same | finds that joint's error independent in each posture, and leaves less than twice as much |
@@ -30,7 +31,7 @@ use crate::diagnose::data::diagnosis::{Cause, Diagnosis, Verdict};
 use crate::diagnose::data::recording::Recording;
 use crate::diagnose::likelihood::probability::unfinished;
 use crate::diagnose::pipeline::{self, Outcome};
-use crate::diagnose::prepare::first_day::Memory;
+use crate::diagnose::prepare::first_day::{Memory, Suspects};
 use crate::diagnose::prepare::first_result::FirstResult;
 use crate::diagnose::prepare::options::{DiagnoseOptions, OtherSession};
 use crate::diagnose::prepare::prepared::Prepared;
@@ -84,19 +85,19 @@ fn accepted(
     others: &[OtherSession],
     memory: &mut Memory,
 ) -> Result<Outcome> {
-    let hung = options.allows("pairing");
-    let mut prepared = |options: &DiagnoseOptions, known: Option<&FirstResult>, spoilt: bool| {
+    let at_first = Suspects { hung: options.allows("pairing"), ..Suspects::AT_FIRST };
+    let mut prepared = |options: &DiagnoseOptions, known: Option<&FirstResult>, suspects: Suspects| {
         options.progress.enter("searching for gross mistakes");
-        Prepared::new(robot, recording, options, known, (hung, spoilt), memory)
+        Prepared::new(robot, recording, options, known, suspects, memory)
     };
-    let at_first = prepared(options, None, true)?;
-    let mut mistakes = at_first.mistakes().to_vec();
-    let mut found = pipeline::diagnose(at_first, robot, recording, options, others)?;
-    let mut spoilt = true;
+    let first = prepared(options, None, at_first)?;
+    let mut mistakes = first.mistakes().to_vec();
+    let mut found = pipeline::diagnose(first, robot, recording, options, others)?;
+    let mut spoilt = at_first.spoilt;
     if (found.lost || found.left_beside_step.is_some()) && !is_over(&mut found) {
         // Effects that were not among the small errors may need far fewer parameters than free positions, and play or
         // sticking looks like another zero where a joint turns back.
-        let again = prepared(options, None, false)?;
+        let again = prepared(options, None, Suspects { spoilt: false, ..at_first })?;
         let its_mistakes = again.mistakes().to_vec();
         // Mistakes of columns were weighed against these already, and slips against the step. Markers that slip at one and the
         // same row are what a joint carries that has another zero from there on.
@@ -126,7 +127,8 @@ fn accepted(
         let known = FirstResult { sought: reason.seeks(), ..found.known.clone() };
         let mut still = options.clone();
         still.without.extend(reason.without().iter().map(|effect| (*effect).to_owned()));
-        let mut again = prepared(&still, reason.looks_closely().then_some(&known), spoilt)?;
+        let suspects = Suspects { spoilt, loads_turned: reason.turns_loads(), ..at_first };
+        let mut again = prepared(&still, reason.looks_closely().then_some(&known), suspects)?;
         again.had_small_errors = reason.keeps_small_errors(&found.diagnosis);
         // If the same mistakes are undone, the result is the same.
         let without_word = again.lost().is_some() || again.step().is_some();

@@ -52,6 +52,8 @@ pub(super) enum Reason {
     Resized,
     /// Gravity is named as turned, and something is unexplained, or nothing named by itself yields to a load.
     Gravity,
+    /// A spring under another direction of gravity explains more than any single cause.
+    LoadsTurned,
     /// Several markers are named on other links: their names may be exchanged.
     SeveralOnOtherLinks,
     /// A slip is small, given the causes.
@@ -77,7 +79,7 @@ impl Reason {
         let first = Self::first(found, recording);
         let of_columns = matches!(first, Some(Self::Twice | Self::Lawless | Self::SaysNothing));
         let weak = (!of_columns && is_weak(&found.diagnosis, mistakes)).then_some(Self::Weak);
-        weak.into_iter().chain(first).collect()
+        weak.into_iter().chain(first).chain(found.loads_may_be_turned.then_some(Self::LoadsTurned)).collect()
     }
 
     /// The first of the reasons that do not depend on the mistakes undone.
@@ -124,13 +126,18 @@ impl Reason {
             Self::SeveralOnOtherLinks => &[ON_ANOTHER_LINK],
             Self::HardlySlipped | Self::Slip => &[SLIP],
             Self::Pairing | Self::InOrder => &[PAIRING],
-            Self::Unexplained | Self::FalseTogether | Self::TooLarge => &[],
+            Self::Unexplained | Self::FalseTogether | Self::TooLarge | Self::LoadsTurned => &[],
         }
     }
 
     /// Whether gross mistakes that are as small as usual errors are searched for.
     pub fn looks_closely(self) -> bool {
         matches!(self, Self::Pairing | Self::Unexplained | Self::FalseTogether | Self::TooLarge)
+    }
+
+    /// Whether the second diagnosis assumes another direction of gravity.
+    pub fn turns_loads(self) -> bool {
+        self == Self::LoadsTurned
     }
 
     /// Whether small errors everywhere, which the first diagnosis names, are tried in the second in place of all that
@@ -144,6 +151,12 @@ impl Reason {
         let no_worse = left(second) <= left(first);
         match self {
             Self::Twice | Self::Resized | Self::Gravity | Self::HardlySlipped => no_worse || explains(second),
+            Self::LoadsTurned => {
+                explains(second)
+                    && second.causes.len() <= first.causes.len()
+                    && LEAST_HELD_OUT_RATIO * left(second) <= left(first)
+                    && !is_turned_in_vain(&second.causes, second.verdict, before(second).unwrap_or(0.0))
+            }
             // Their places, free in the first, fit a little better in any case.
             Self::SeveralOnOtherLinks => {
                 explains(second) && LEAST_HELD_OUT_RATIO * left(second) <= left(first)
@@ -194,6 +207,9 @@ impl Reason {
             }
             Self::Gravity => {
                 "second diagnosis accepted: gravity that was turned explained less than the stated one does"
+            }
+            Self::LoadsTurned => {
+                "second diagnosis accepted: a spring under another direction of gravity explains everything with no more causes"
             }
             Self::SeveralOnOtherLinks => {
                 "second diagnosis accepted: markers that seemed to be on each other's links have exchanged names"

@@ -163,7 +163,10 @@ pub(crate) fn settled(
     after: &mut Vec<PostureGap>,
     beside: Option<&Geometry>,
 ) -> Result<Vec<Option<Standing>>> {
-    for _ in 0..ROUNDS {
+    for round in 0..ROUNDS {
+        if round > 0 && search.problem.budget.is_spent() {
+            break;
+        }
         let mut standings = standings(search, found, beside)?;
         let mut changed = false;
         for (i, standing) in standings.iter_mut().enumerate() {
@@ -178,11 +181,6 @@ pub(crate) fn settled(
                 // No single cause can replace it: both are reported.
                 let pooled = standing.pooled(held_out_odds(&by.gap, after, found.noise));
                 standing.disputed(pooled);
-                continue;
-            }
-            if search.problem.budget.is_spent() {
-                // At the limit of work no model is fitted in its place: both are reported.
-                standing.disputed(1.0);
                 continue;
             }
             let (next, gap) = replaced(search, found, i, rival)?;

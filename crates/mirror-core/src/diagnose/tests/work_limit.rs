@@ -4,7 +4,7 @@ use super::gap_world::{Plan, World, Wrong};
 use crate::diagnose::data::diagnosis::Diagnosis;
 use crate::diagnose::model::work_budget::Effort;
 use crate::diagnose::pipeline;
-use crate::diagnose::prepare::first_day::Memory;
+use crate::diagnose::prepare::first_day::{Memory, Suspects};
 use crate::diagnose::prepare::options::DiagnoseOptions;
 use crate::diagnose::prepare::prepared::Prepared;
 use crate::robot::Robot;
@@ -18,7 +18,8 @@ fn diagnosed(left: f64) -> Diagnosis {
     let recording = world.record(&Plan { postures: 24, noise_px: 0.15, wrong, ..Plan::default() });
     let options = DiagnoseOptions::default();
     let mut memory = Memory::default();
-    let mut prepared = Prepared::new(&robot, &recording, &options, None, (true, true), &mut memory).unwrap();
+    let mut prepared =
+        Prepared::new(&robot, &recording, &options, None, Suspects::AT_FIRST, &mut memory).unwrap();
     let budget = prepared.problem.budget.clone();
     while budget.share_of_session() < 1.0 - left {
         budget.spend(Effort::Equations(40));
@@ -67,7 +68,10 @@ fn a_further_diagnosis_has_what_the_ones_before_left() {
     let options = DiagnoseOptions::default();
     let mut memory = Memory::default();
     let mut next = || {
-        Prepared::new(&robot, &recording, &options, None, (true, true), &mut memory).unwrap().problem.budget
+        Prepared::new(&robot, &recording, &options, None, Suspects::AT_FIRST, &mut memory)
+            .unwrap()
+            .problem
+            .budget
     };
     let first = next();
     while !first.is_over() {

@@ -14,8 +14,18 @@ use crate::error::Result;
 use core::f64::consts::{FRAC_PI_2, PI};
 use nalgebra::{Rotation3, Vector3};
 
-/// The rotation of gravity with which a single spring explains what no cause explains under the stated direction, with
-/// everything mounted as modelled, else with mounts and zeros free. `alone`: the likeliest single cause, if the nominal model leaves
+/// Gravity in another direction.
+#[derive(Debug, Clone)]
+pub(super) struct Turned {
+    pub mistake: Mistake,
+    pub log_odds: f64,
+    /// Whether one spring under it explains what no cause explains under the stated direction. Else it explains more than any single
+    /// cause does, and only a whole diagnosis under each direction can tell.
+    pub sure: bool,
+}
+
+/// The rotation of gravity with which a single spring explains more than any cause does under the stated direction, with
+/// everything mounted as modelled, or with mounts and zeros free. `alone`: the likeliest single cause, if the nominal model leaves
 /// a gap; `explained`: whether it leaves none, then mounts have nothing to explain.
 ///
 /// # Errors
@@ -24,19 +34,18 @@ pub(super) fn turned_gravity(
     problem: &Problem,
     alone: Option<Alone>,
     explained: bool,
-) -> Result<Option<(Mistake, f64)>> {
+) -> Result<Option<Turned>> {
     // Where nothing is to be explained mounts need not be fitted.
     let Some(Alone { noise, likeliest: stated }) = alone else { return Ok(None) };
-    if let Some(found) = turned_beside(problem, &Beside::nothing(problem), stated, noise)? {
-        return Ok(Some(found));
-    }
-    if explained {
-        return Ok(None);
+    let exact = turned_beside(problem, &Beside::nothing(problem), stated, noise)?;
+    if explained || exact.as_ref().is_some_and(|turned| turned.sure) {
+        return Ok(exact);
     }
     let mounts = Beside::mounts(problem)?;
-    let Some(noise) = mounts.gap(problem)? else { return Ok(None) };
+    let Some(noise) = mounts.gap(problem)? else { return Ok(exact) };
     let stated = likeliest(problem.clone(), vocabulary(), &mounts, noise)?;
-    turned_beside(problem, &mounts, stated, noise)
+    let beside_mounts = turned_beside(problem, &mounts, stated, noise)?;
+    Ok(beside_mounts.filter(|turned| turned.sure).or(exact))
 }
 
 /// `stated`: the likeliest cause under the stated gravity.
@@ -45,7 +54,7 @@ fn turned_beside(
     beside: &Beside,
     stated: Option<Likeliest>,
     noise: Noise,
-) -> Result<Option<(Mistake, f64)>> {
+) -> Result<Option<Turned>> {
     let Some(down) = problem.scene.gravity.try_normalize(1e-9) else { return Ok(None) };
     let nominal = problem.nominal();
     let Some(stated) = stated else { return Ok(None) };
@@ -66,13 +75,14 @@ fn turned_beside(
     }
     let Some((turned, turn)) = found else { return Ok(None) };
     let likelier = turned.log_bayes > stated.log_bayes + BEYOND_DOUBT;
+    let as_likely = turned.log_bayes > stated.log_bayes;
     let turned = turned.fitted(noise)?;
     let excess = |best: &Best| {
         (problem.of_observations(best.left) / problem.of_observations(problem.noise)).powi(2) - 1.0
     };
     let a_gap = A_GAP * A_GAP - 1.0;
-    // Neither of the two below, whatever the best cause under the stated gravity leaves.
-    if !likelier && excess(&turned) >= a_gap {
+    // None of those below, whatever the best cause under the stated gravity leaves.
+    if !as_likely && excess(&turned) >= a_gap {
         return Ok(None);
     }
     let stated = stated.fitted(noise)?;
@@ -83,10 +93,12 @@ fn turned_beside(
     // or if the spring alone leaves no gap, compared with the noise that it leaves. Together with other causes a
     // spring of the wrong sign may only absorb a part of theirs.
     let all = excess(&turned) < a_gap.min(MAJORITY * excess(&stated));
-    if !(much || all) {
+    if !(much || all || as_likely) {
         return Ok(None);
     }
     let at = smaller(turned.left, stated.left);
-    let odds = turned.log_evidence(at)? - stated.log_evidence(at)?;
-    Ok((odds > BEYOND_DOUBT).then_some((Mistake::Gravity { turn }, odds)))
+    let log_odds = turned.log_evidence(at)? - stated.log_evidence(at)?;
+    let sure = (much || all) && log_odds > BEYOND_DOUBT;
+    let turned = Turned { mistake: Mistake::Gravity { turn }, log_odds, sure };
+    Ok((sure || as_likely && log_odds > 0.0).then_some(turned))
 }

@@ -1,7 +1,7 @@
 //! What the diagnoses of one session share: results of earlier preparations, and the budget of work. After the same
 //! mistakes are undone the session is the same, and each stage gives the same result.
 
-use super::loads;
+use super::loads::{self, Turned};
 use super::mistake::{Changes, Mistake};
 use super::outlying::False;
 use super::single_cause::{self, Alone, Explained};
@@ -30,9 +30,6 @@ impl<T: Clone> Known<T> {
     }
 }
 
-/// A mistake with its log odds, if one was found.
-type Found = Option<(Mistake, f64)>;
-
 /// Results of the stages that depend only on the session and on the mistakes undone before, and the work so far.
 #[derive(Default)]
 pub(crate) struct Memory {
@@ -42,7 +39,7 @@ pub(crate) struct Memory {
     /// Whether a zero that changes once explains it better.
     pub(super) stepped: Known<bool>,
     /// Gravity in another direction.
-    pub(super) gravity: Known<Found>,
+    pub(super) gravity: Known<Option<Turned>>,
     /// A slip and the way back, by what else may be named: changes of joints' zeros, slipped rows.
     pub(super) slips: [[Known<Changes>; 2]; 2],
     /// False observations.
@@ -81,7 +78,7 @@ impl Memory {
         problem: &Problem,
         undone: &[Mistake],
         explained: bool,
-    ) -> Result<Found> {
+    ) -> Result<Option<Turned>> {
         let alone = self.alone.remembered(undone, || single_cause::alone(problem))?;
         self.gravity.remembered(undone, || loads::turned_gravity(problem, alone, explained))
     }

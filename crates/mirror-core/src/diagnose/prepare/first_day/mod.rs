@@ -90,10 +90,25 @@ use variant::Variant;
 /// Frames on which small errors are fitted together with a slip.
 const FRAMES_OF_SLIPS: Size = 100;
 
+/// What may be taken for a gross mistake.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Suspects {
+    /// Rows that repeat a measurement.
+    pub hung: bool,
+    /// A column that is unrelated to its joint, and a joint's zero that is another one from a row on.
+    pub spoilt: bool,
+    /// Gravity in a direction under which a spring explains more than any single cause, however little more.
+    pub loads_turned: bool,
+}
+
+impl Suspects {
+    /// What a first diagnosis suspects.
+    pub const AT_FIRST: Self = Self { hung: true, spoilt: true, loads_turned: false };
+}
+
 /// Finds and undoes gross mistakes; none where there is none. `known`: the result of a first diagnosis; with it,
-/// mistakes are also found that are as small as usual errors (a late column of a joint that hardly moves). `hung`:
-/// whether rows that repeat a measurement may be named; `spoilt`: whether a column may be taken as unrelated to its joint,
-/// or a joint's zero as lost from a row on. `memory`: the results of earlier calls for the same session.
+/// mistakes are also found that are as small as usual errors (a late column of a joint that hardly moves). `memory`: the
+/// results of earlier calls for the same session.
 ///
 /// # Errors
 /// Invalid parameters of camera or mirror.
@@ -103,7 +118,7 @@ pub(crate) fn undone(
     problem: &Problem,
     without: &[String],
     known: Option<&FirstResult>,
-    (hung, spoilt): (bool, bool),
+    suspects: Suspects,
     memory: &mut Memory,
 ) -> Result<Option<Undone>> {
     let mut out = Undone {
@@ -120,8 +135,10 @@ pub(crate) fn undone(
         unsettled: false,
         lost: None,
         step: None,
+        loads_may_be_turned: false,
     };
-    if hung {
+    let spoilt = suspects.spoilt;
+    if suspects.hung {
         for mistake in hung::find(recording, problem) {
             out.undo(&mistake, tempered(BEYOND_DOUBT))?;
         }
@@ -175,9 +192,13 @@ pub(crate) fn undone(
     }
     if out.lost.is_none()
         && !without.iter().any(|w| w == "gravity_direction")
-        && let Some((mistake, odds)) = memory.turned_gravity(&out.problem, &out.mistakes, explained)?
+        && let Some(turned) = memory.turned_gravity(&out.problem, &out.mistakes, explained)?
     {
-        out.undo(&mistake, tempered(odds))?;
+        if turned.sure || suspects.loads_turned {
+            out.undo(&turned.mistake, tempered(turned.log_odds))?;
+        } else {
+            out.loads_may_be_turned = true;
+        }
     }
     // A drift leaves no gap beside a small step of the zero.
     let stepped = explained
@@ -208,6 +229,7 @@ pub(crate) fn undone(
     }
     let nothing = out.lost.is_none()
         && out.step.is_none()
+        && !out.loads_may_be_turned
         && out.told.is_empty()
         && out.trace.is_empty()
         && out.left_out.is_empty();

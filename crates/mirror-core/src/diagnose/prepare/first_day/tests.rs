@@ -318,7 +318,7 @@ fn a_closer_look_goes_on_beside_a_mistake_where_nothing_gross_is_left() {
             &problem,
             &["slip".to_owned()],
             known,
-            (true, true),
+            super::Suspects::AT_FIRST,
             &mut super::Memory::default(),
         )
         .unwrap();

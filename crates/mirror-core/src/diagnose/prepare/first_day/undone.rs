@@ -41,6 +41,9 @@ pub(crate) struct Undone {
     pub lost: Option<Lost>,
     /// A joint that has another zero from a row on, which is undone, and the session before that.
     pub step: Option<(Step, Problem)>,
+    /// Whether a spring under another direction of gravity explains more than any single cause: a diagnosis under it may explain
+    /// all.
+    pub loads_may_be_turned: bool,
 }
 
 /// What a small error could be instead: a mistake, or the zeros of two joints.
