@@ -125,4 +125,11 @@ fn pictures_that_show_no_movement_say_nothing() {
     let told = match_clocks(&log, &picture_s, &noise[1..], 5.0).unwrap_err().to_string();
     assert!(told.contains("one a picture"), "{told}");
     assert!(match_clocks(&log, &picture_s, &vec![f64::NAN; picture_s.len()], 5.0).is_err());
+    for most_s in [-1.0, -1e300, 1e300] {
+        let told = match_clocks(&log, &picture_s, &noise, most_s).unwrap_err().to_string();
+        assert!(told.contains("0 to 3600 s"), "{told}");
+    }
+    // Sums that overflow are no number.
+    let far = JointLog::new(vec![0.0, 5.0, 11.0], vec![0.0, 1e300, -1e300], 1).unwrap();
+    assert!(!match_clocks(&far, &picture_s, &noise, 5.0).unwrap().correlation.is_nan());
 }

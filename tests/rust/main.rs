@@ -17,6 +17,7 @@ mod gap_claims;
 mod gap_effects;
 mod gap_first_day;
 mod gap_geared_joints;
+mod gap_gravity;
 mod gap_heavy_links;
 mod gap_long;
 mod gap_moving_base;

@@ -16,6 +16,8 @@ const RIVAL_MATCH: f64 = 0.08;
 const NEAR: usize = 15;
 /// What a picture changes by up to this times the noise is no movement.
 const ABOVE_NOISE: f64 = 1.5;
+/// The farthest that offsets are looked for, s.
+const LARGEST_S: f64 = 3600.0;
 /// Pictures below which nothing is told.
 const FEWEST: usize = 10;
 
@@ -49,7 +51,7 @@ impl ClockMatch {
 /// `picture_s` (N,): times of the pictures, s of their clock; `motion` (N,): how much each differs from the one before, in any unit.
 ///
 /// # Errors
-/// Lengths that differ, and numbers that are not finite.
+/// Lengths that differ, numbers that are not finite, and a largest offset below 0 or above an hour.
 pub fn match_clocks(log: &JointLog, picture_s: &[f64], motion: &[f64], most_s: f64) -> Result<ClockMatch> {
     if motion.len() != picture_s.len() {
         let what = "motion, one a picture".into();
@@ -61,6 +63,10 @@ pub fn match_clocks(log: &JointLog, picture_s: &[f64], motion: &[f64], most_s: f
             what: "a picture's time or motion, or the largest offset".into(),
             got,
         });
+    }
+    if !(0.0..=LARGEST_S).contains(&most_s) {
+        let needed = format!("0 to {LARGEST_S} s");
+        return Err(Error::OutOfRange { what: "largest offset of the clocks".into(), got: most_s, needed });
     }
     let Some(moves) = Moves::of(log, picture_s, motion) else { return Ok(ClockMatch::NOTHING) };
     let steps = (most_s / STEP_S).round() as i64;
@@ -178,10 +184,11 @@ impl Sums {
         self.product += off[0] * now[1];
     }
 
-    /// None where a column is constant.
+    /// None where a column is constant, or numbers overflow.
     fn correlation(&self) -> Option<f64> {
         let scale = (self.squares[0] * self.squares[1]).sqrt();
-        (scale > 0.0).then(|| self.product / scale)
+        let correlation = self.product / scale;
+        (scale > 0.0 && correlation.is_finite()).then_some(correlation)
     }
 }
 

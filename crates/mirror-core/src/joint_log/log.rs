@@ -8,8 +8,8 @@ use crate::error::{Error, Result};
 /// use mirror_core::joint_log::JointLog;
 ///
 /// // Two joints at three times; a row is a time.
-/// let log = JointLog::new(vec![0.0, 0.1, 0.2], vec![0.0, 1.0, 0.0, 1.0, 0.5, 1.0], 2)?;
-/// assert_eq!(log.at(0.15).collect::<Vec<_>>(), [0.25, 1.0]);
+/// let log = JointLog::new(vec![0.0, 1.0, 2.0], vec![0.0, 1.0, 0.0, 1.0, 0.5, 1.0], 2)?;
+/// assert_eq!(log.at(1.5).collect::<Vec<_>>(), [0.25, 1.0]);
 /// # Ok::<(), mirror_core::Error>(())
 /// ```
 #[derive(Debug, Clone, PartialEq)]
