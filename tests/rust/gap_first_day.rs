@@ -5,19 +5,19 @@ use mirror_core::camera::Camera;
 use mirror_core::diagnose::{DiagnoseOptions, Diagnosis, Recording, Target, Verdict, diagnose};
 use mirror_core::robot::Robot;
 
-fn world() -> World {
+pub(crate) fn world() -> World {
     World::new(4, false)
 }
 
-fn plan(seed: u64) -> Plan {
+pub(crate) fn plan(seed: u64) -> Plan {
     Plan { postures: 40, seed, ..Plan::default() }
 }
 
-fn robot(world: &World) -> Robot {
+pub(crate) fn robot(world: &World) -> Robot {
     Robot::from_urdf_str(&world.urdf()).unwrap()
 }
 
-fn run(world: &World, recording: &Recording) -> Diagnosis {
+pub(crate) fn run(world: &World, recording: &Recording) -> Diagnosis {
     diagnose(&robot(world), recording, &DiagnoseOptions::default(), &[]).unwrap()
 }
 
@@ -25,7 +25,7 @@ fn column(world: &World, name: &str) -> usize {
     robot(world).position_index(name).unwrap()
 }
 
-fn named(diagnosis: &Diagnosis) -> Vec<String> {
+pub(crate) fn named(diagnosis: &Diagnosis) -> Vec<String> {
     diagnosis.causes.iter().map(|c| format!("{}@{}", c.effect, c.at)).collect()
 }
 

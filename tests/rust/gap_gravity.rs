@@ -1,25 +1,7 @@
 //! Gravity stated in another direction than it has: told by the springs that deflect against their load.
 
-use crate::gap_world::{Plan, World, Wrong};
-use mirror_core::diagnose::{DiagnoseOptions, Diagnosis, Recording, diagnose};
-use mirror_core::robot::Robot;
-
-fn world() -> World {
-    World::new(4, false)
-}
-
-fn plan(seed: u64) -> Plan {
-    Plan { postures: 40, seed, ..Plan::default() }
-}
-
-fn run(world: &World, recording: &Recording) -> Diagnosis {
-    let robot = Robot::from_urdf_str(&world.urdf()).unwrap();
-    diagnose(&robot, recording, &DiagnoseOptions::default(), &[]).unwrap()
-}
-
-fn named(diagnosis: &Diagnosis) -> Vec<String> {
-    diagnosis.causes.iter().map(|c| format!("{}@{}", c.effect, c.at)).collect()
-}
+use crate::gap_first_day::{named, plan, run, world};
+use crate::gap_world::{Plan, Wrong};
 
 #[test]
 fn springs_under_gravity_stated_upside_down_are_named() {

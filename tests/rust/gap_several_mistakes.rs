@@ -1,24 +1,12 @@
 //! Whole mistakes beside others and beside small causes: all are named, and nothing that makes up for one of them.
 
+use crate::gap_first_day::{robot, run, world};
 use crate::gap_world::{Plan, World, Wrong};
 use mirror_core::camera::Camera;
-use mirror_core::diagnose::{DiagnoseOptions, Diagnosis, Recording, Target, diagnose};
-use mirror_core::robot::Robot;
-
-fn world() -> World {
-    World::new(4, false)
-}
-
-fn robot(world: &World) -> Robot {
-    Robot::from_urdf_str(&world.urdf()).unwrap()
-}
+use mirror_core::diagnose::{Diagnosis, Target};
 
 fn plan(seed: u64, wrong: Vec<Wrong>) -> Plan {
     Plan { postures: 40, seed, wrong, ..Plan::default() }
-}
-
-fn run(world: &World, recording: &Recording) -> Diagnosis {
-    diagnose(&robot(world), recording, &DiagnoseOptions::default(), &[]).unwrap()
 }
 
 fn named(diagnosis: &Diagnosis) -> Vec<String> {

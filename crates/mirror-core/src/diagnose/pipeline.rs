@@ -49,7 +49,7 @@ use crate::diagnose::selection::scattered_joints::{Start, beside_scatter};
 use crate::diagnose::selection::search::{Search, SearchOptions};
 use crate::diagnose::selection::small_errors_instead::small_errors_instead;
 use crate::diagnose::selection::transmission_errors::with_transmission_errors;
-use crate::diagnose::selection::with_setup::{look_again_at_noise, with_or_without_setup};
+use crate::diagnose::selection::with_setup::{go_on_at_smaller_noise, with_or_without_setup};
 use crate::error::Result;
 use crate::robot::Robot;
 
@@ -147,10 +147,8 @@ pub(crate) fn diagnose(
         // Wrong optics look like noise of the markers until they are known, and a stated noise may be too large, so
         // the noise is estimated again from the residuals.
         let optics = search.deformation(&found.fit.model).optics_differ() || search.problem.camera.is_none();
-        if optics && look_again_at_noise(&mut search, &found.fit.model, stated)? {
-            let first = found.trace;
-            found = search.run(found.fit.model.clone())?;
-            found.trace.splice(0..0, first);
+        if optics {
+            go_on_at_smaller_noise(&mut search, &mut found, stated)?;
         }
     }
     allow_for_correlation(&mut search, &mut found)?;

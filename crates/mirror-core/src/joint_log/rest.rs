@@ -39,25 +39,21 @@ pub fn rests(log: &JointLog, tolerance: f64, least_s: f64) -> Result<Vec<Rest>> 
             rests.push(Rest { start_s, end_s });
             start = row;
         } else {
-            // The rows of a move: the rest may begin at any of them.
             start += 1;
-            while start < row.min(time_s.len() - 1) && !is_within(log, start..=row, tolerance) {
-                start += 1;
+        }
+        if row == time_s.len() {
+            break;
+        }
+        // The rows of a move: the rest may begin at any of them.
+        range = loop {
+            let mut range = Range::of(log.row(start));
+            if (start..=row).all(|i| range.still_within(log.row(i), tolerance)) {
+                break range;
             }
-        }
-        if row < time_s.len() {
-            range = Range::of(log.row(start));
-            (start..=row).for_each(|i| range.add(log.row(i)));
-        }
+            start += 1;
+        };
     }
     Ok(rests)
-}
-
-/// Whether every joint stays within the tolerance in these rows, as far as there are such.
-fn is_within(log: &JointLog, rows: core::ops::RangeInclusive<usize>, tolerance: f64) -> bool {
-    let last = (*rows.end()).min(log.time_s().len() - 1);
-    let mut range = Range::of(log.row(*rows.start()));
-    (*rows.start()..=last).all(|row| range.still_within(log.row(row), tolerance))
 }
 
 /// The lowest and highest position of each joint.

@@ -64,11 +64,7 @@ pub(crate) fn with_or_without_setup(
     search.options.most_causes = most_causes.min(SEVERAL_CAUSES);
     let mut few = search.run(nominal.clone())?;
     // What a displaced camera or board, or a wrong lens, does to the views of a posture was noise until here, and hid causes.
-    if look_again_at_noise(search, &few.fit.model, stated)? {
-        let first = core::mem::take(&mut few.trace);
-        few = search.run(few.fit.model)?;
-        few.trace.splice(0..0, first);
-    }
+    go_on_at_smaller_noise(search, &mut few, stated)?;
     let mut enough = suffices(search, &few)?;
     // With few postures three wrong causes may leave a remainder that free mounts then absorb.
     if !enough
@@ -207,6 +203,23 @@ pub(crate) fn look_again_at_noise(search: &mut Search<'_>, model: &Model, stated
         search.problem.noise = again;
     }
     Ok(smaller)
+}
+
+/// Goes on with the search where the noise that the causes leave is smaller than the one at which they were found.
+///
+/// # Errors
+/// Invalid parameters of the camera or mirror.
+pub(crate) fn go_on_at_smaller_noise(
+    search: &mut Search<'_>,
+    found: &mut Found,
+    stated: Noise,
+) -> Result<()> {
+    if look_again_at_noise(search, &found.fit.model, stated)? {
+        let first = core::mem::take(&mut found.trace);
+        *found = search.run(found.fit.model.clone())?;
+        found.trace.splice(0..0, first);
+    }
+    Ok(())
 }
 
 /// The scales in words.
