@@ -133,3 +133,13 @@ def test_a_ball_is_seen_where_its_outline_is_and_a_thin_pane_is_nearly_a_bare_mi
     np.testing.assert_allclose(optics.ball_images(lens, mirror, point, radius), lens.image(nearer), atol=4e-3)
     thin = optics.Mirror(mirror.normal, mirror.distance_m, glass_m=1e-9)
     np.testing.assert_allclose(lens.image(optics.apparent(thin, point)), lens.image(seen), atol=1e-4)
+
+
+def test_a_point_that_a_hypothesis_puts_behind_a_curved_mirror_still_has_an_image() -> None:
+    mirror = optics.Mirror(np.tile([0.0, 0.0, 1.0], (3, 1)), np.ones(3), curvature_per_m=np.array([0.05, 0.03]))
+    beside = np.array([0.2, 0.1])
+    point = np.column_stack([np.tile(beside, (3, 1)), [1 - 1e-6, 1 + 1e-6, 1.06]])
+    seen = optics.apparent(mirror, point)
+    assert np.isfinite(seen).all()
+    np.testing.assert_allclose(seen[0], seen[1], atol=1e-5)
+    np.testing.assert_allclose(seen[2], [*beside, 2 - 1.06], atol=1e-12)

@@ -73,11 +73,14 @@ def apparent(mirror: Mirror, point: Array) -> Array:
     path length."""
     if mirror.glass_m > 0:
         return _through_glass(mirror, point)
-    if np.any(mirror.curvature_per_m):
-        return _off_curved(mirror, point)
     # Flat, without glass: the law of reflection divides the path in the ratio of the perpendicular distances.
     height = mirror.distance_m - np.einsum("ni,ni->n", mirror.normal, point)
     result: Array = point + 2 * height[:, None] * mirror.normal
+    # No light comes from behind a mirror, but a hypothesis may put a point there: the law of the flat one continues every other, for the
+    # nearer to the mirror, the less its shape matters.
+    in_front = np.flatnonzero(height > 0)
+    if np.any(mirror.curvature_per_m) and len(in_front):
+        result[in_front] = _off_curved(mirror.rows(in_front), point[in_front])
     return result
 
 
