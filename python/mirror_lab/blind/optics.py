@@ -78,9 +78,10 @@ def apparent(mirror: Mirror, point: Array) -> Array:
     result: Array = point + 2 * height[:, None] * mirror.normal
     # No light comes from behind a mirror, but a hypothesis may put a point there: the law of the flat one continues every other, for the
     # nearer to the mirror, the less its shape matters.
-    in_front = np.flatnonzero(height > 0)
-    if np.any(mirror.curvature_per_m) and len(in_front):
-        result[in_front] = _off_curved(mirror.rows(in_front), point[in_front])
+    if np.any(mirror.curvature_per_m):
+        in_front = np.flatnonzero(height > _sag_beside(mirror, point))
+        if len(in_front):
+            result[in_front] = _off_curved(mirror.rows(in_front), point[in_front])
     return result
 
 
@@ -149,12 +150,27 @@ def _off_curved(mirror: Mirror, point: Array) -> Array:
             e += (1 + sag_t**2 - ut**2) / length - un * c2
         determinant = a * e - b * b
         ds, dt = (e * gs - b * gt) / determinant, (a * gt - b * gs) / determinant
+        # Near the mirror the path is a cone over its surface, on which whole steps would leave it: none is longer than half of the
+        # shorter leg.
+        nearest = np.minimum(_lengths(at), _lengths(at - point))
+        shorter = np.minimum(1.0, 0.5 * nearest / np.maximum(np.hypot(ds, dt), 1e-300))
+        ds, dt = shorter * ds, shorter * dt
         s, t = s - ds, t - dt
         if max(np.max(np.abs(ds), initial=0.0), np.max(np.abs(dt), initial=0.0)) < 1e-13:
             break
     at = _on_cap(d * n, n, e1, e2, (c1, c2), s, t)[0]
     out, back = _lengths(at), _lengths(at - point)
     return at / out[:, None] * (out + back)[:, None]
+
+
+def _sag_beside(mirror: Mirror, point: Array) -> Array:
+    """By how much the mirror's surface beside each point is nearer to the camera than its tangent plane, m."""
+    e1, e2 = _across(mirror.normal)
+    s, t = np.einsum("ni,ni->n", point, e1), np.einsum("ni,ni->n", point, e2)
+    vertex = mirror.distance_m[:, None] * mirror.normal
+    on_cap = _on_cap(vertex, mirror.normal, e1, e2, (*mirror.curvature_per_m,), s, t)[0]
+    result: Array = mirror.distance_m - np.einsum("ni,ni->n", mirror.normal, on_cap)
+    return result
 
 
 def _lengths(v: Array) -> Array:
