@@ -20,6 +20,7 @@ mod gap_geared_joints;
 mod gap_gravity;
 mod gap_heavy_links;
 mod gap_long;
+mod gap_mounts;
 mod gap_moving_base;
 mod gap_no_name;
 mod gap_other_session;

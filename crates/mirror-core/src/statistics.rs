@@ -111,6 +111,15 @@ pub(crate) fn normal_quantile(p: f64) -> f64 {
     }
 }
 
+/// Φ(x), the standard normal distribution (Abramowitz and Stegun 26.2.17, within 8e-8).
+pub(crate) fn normal_below(x: f64) -> f64 {
+    const B: [f64; 5] = [1.330_274_429, -1.821_255_978, 1.781_477_937, -0.356_563_782, 0.319_381_530];
+    let t = 1.0 / (1.0 + 0.231_641_9 * x.abs());
+    let density = (-0.5 * x * x).exp() / core::f64::consts::TAU.sqrt();
+    let above = density * t * B.iter().fold(0.0, |sum, b| sum * t + b);
+    if x < 0.0 { above } else { 1.0 - above }
+}
+
 /// Medians of chi-squared of one, two and three degrees of freedom.
 pub(crate) const CHI_SQUARED_MEDIANS: [f64; 3] = [0.454_936, 1.386_294, 2.365_974];
 
@@ -130,6 +139,14 @@ pub(crate) fn reduced_chi_squared_at(z: f64, degrees_of_freedom: f64) -> f64 {
 mod tests {
     use super::*;
     use approx::assert_relative_eq;
+
+    #[test]
+    fn the_normal_distribution_is_the_inverse_of_its_quantile() {
+        for p in [1e-6, 0.001, 0.025, 0.2, 0.5, 0.7, 0.95, 0.999, 1.0 - 1e-6] {
+            approx::assert_abs_diff_eq!(normal_below(normal_quantile(p)), p, epsilon = 1e-7);
+        }
+        assert_eq!((normal_below(-40.0), normal_below(40.0)), (0.0, 1.0));
+    }
 
     #[test]
     fn the_median_of_an_even_count_lies_between_the_two_in_the_middle() {

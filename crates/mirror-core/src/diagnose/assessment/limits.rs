@@ -21,7 +21,7 @@ use crate::diagnose::effects::hypothesis::{Catalogue, Hypothesis, Model};
 use crate::diagnose::likelihood::factor::log_det;
 use crate::diagnose::likelihood::fit::{FitOptions, Group};
 use crate::diagnose::likelihood::linearised::Linearised;
-use crate::diagnose::likelihood::score_test::screen;
+use crate::diagnose::likelihood::score_test::{Screening, screen};
 use crate::diagnose::model::problem::{Noise, Problem};
 use crate::diagnose::principles::{Guard, LEAST_HELD_OUT_GAIN, WORTH_NAMING};
 use crate::diagnose::random_effects::geometric_tolerances::Geometry;
@@ -37,11 +37,11 @@ pub(crate) const LARGEST: Guard = 10.0;
 /// Limits by hypothesis and parameter; infinite where any size would be hidden.
 type Sizes = BTreeMap<usize, Vec<f64>>;
 
-/// The limits of all effects of the vocabulary at all their places.
+/// The limits of all effects of the vocabulary at all their places; `screening`: the score test at the model found, if it has mounts.
 ///
 /// # Errors
 /// Invalid parameters of the camera or mirror.
-pub(crate) fn limits(findings: &Findings<'_>) -> Result<Vec<Limit>> {
+pub(crate) fn limits(findings: &Findings<'_>, screening: Option<&Screening>) -> Result<Vec<Limit>> {
     let search = &findings.search;
     let mut model = findings.found.fit.model.clone();
     let setup = model.group.is_empty().then(|| free_setup(&search.problem));
@@ -58,7 +58,10 @@ pub(crate) fn limits(findings: &Findings<'_>) -> Result<Vec<Limit>> {
     };
     let criterion =
         Criterion { least_log_odds: search.options.least_log_odds, held_out: held_out_gain(findings) };
-    postures.limits(criterion)
+    match screening {
+        Some(screening) => postures.limits(criterion, screening),
+        None => postures.limits(criterion, &postures.screened()?),
+    }
 }
 
 /// Board, camera and markers, free within their tolerances. Zeros are no mounts by hand: they are estimated, or exact.
@@ -86,11 +89,20 @@ pub(crate) struct Postures<'a> {
 }
 
 impl Postures<'_> {
-    /// The limits of all effects of the vocabulary at all their places.
+    /// The score test of all hypotheses beside the model.
     ///
     /// # Errors
     /// Invalid parameters of the camera or mirror.
-    pub fn limits(&self, criterion: Criterion) -> Result<Vec<Limit>> {
+    pub fn screened(&self) -> Result<Screening> {
+        let Self { problem, catalogue, group, model, noise, mask } = *self;
+        screen(problem, catalogue, group, model, noise, mask)
+    }
+
+    /// The limits of all effects of the vocabulary at all their places, with the score test beside the model.
+    ///
+    /// # Errors
+    /// Invalid parameters of the camera or mirror.
+    pub fn limits(&self, criterion: Criterion, screening: &Screening) -> Result<Vec<Limit>> {
         let Self { problem, catalogue, group, model, noise, mask } = *self;
         let mut sizes = Sizes::new();
         let mut add = |hypothesis: usize, information: &DMatrix<f64>| {
@@ -114,8 +126,9 @@ impl Postures<'_> {
                 add(*h, &information);
             }
         }
-        let scores = screen(problem, catalogue, group, model, noise, mask)?.scores;
-        for score in scores.iter().filter(|s| !own(s.hypothesis) && !in_group.contains_key(&s.hypothesis)) {
+        for score in
+            screening.scores.iter().filter(|s| !own(s.hypothesis) && !in_group.contains_key(&s.hypothesis))
+        {
             add(score.hypothesis, &score.information);
         }
         Ok(sizes.iter().map(|(h, of)| self.told(*h, of)).collect())

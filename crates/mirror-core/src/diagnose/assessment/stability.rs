@@ -63,12 +63,7 @@ pub(crate) fn stability(
             mounts: Vec::new(),
         });
     }
-    let (geometry, fit) = (findings.geometry.as_ref(), &findings.found.fit);
-    let made_for = MadeFor::of(&fit.model, standings, geometry, findings.found.noise);
-    let resampled = match findings.resampled.take().filter(|made| made.made_for == made_for) {
-        Some(same) => same,
-        None => resampled(findings, made_for, standings, ranking)?,
-    };
+    let resampled = resamples(findings, standings, ranking)?;
     let rivals = &resampled.made_for.rivals;
     let whole = &resampled.whole;
     let found = |set: &WeighedSet, h: usize| set.set.iter().any(|&c| whole.candidates[c].hypothesis == h);
@@ -104,6 +99,23 @@ struct CameOut {
     or_rivals: Vec<bool>,
     /// Whether each mount is displaced.
     displaced: Vec<bool>,
+}
+
+/// The search repeated on resampled postures: as it was kept, if that was for the same causes. Whoever is done with it gives it back.
+///
+/// # Errors
+/// Invalid parameters of the camera or mirror.
+pub(super) fn resamples(
+    findings: &mut Findings<'_>,
+    standings: &[Option<Standing>],
+    ranking: &[Score],
+) -> Result<Resampled> {
+    let (geometry, fit) = (findings.geometry.as_ref(), &findings.found.fit);
+    let made_for = MadeFor::of(&fit.model, standings, geometry, findings.found.noise);
+    match findings.resampled.take().filter(|made| made.made_for == made_for) {
+        Some(same) => Ok(same),
+        None => resampled(findings, made_for, standings, ranking),
+    }
 }
 
 /// Repeats the search on resampled postures.

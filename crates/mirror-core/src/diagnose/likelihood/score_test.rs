@@ -26,8 +26,16 @@ pub(crate) struct Score {
     pub parameters: Vec<f64>,
     /// The information on the parameters with everything in the model free: the inverse of their covariance.
     pub information: DMatrix<f64>,
-    /// `L⁻¹ B p` of these parameters p: the change of all that the model already contains.
-    pub across: DVector<f64>,
+    /// `L⁻¹ B`: by how much all that the model already contains changes with the parameters.
+    pub beside: DMatrix<f64>,
+}
+
+/// What a further cause does to values of the model, linearised.
+pub(crate) struct WithCause {
+    /// By how much they move with it at its estimate.
+    pub moves: DVector<f64>,
+    /// By how much their variances grow.
+    pub adds_variance: DVector<f64>,
 }
 
 /// The Cholesky factor L of the model's columns, and `L⁻¹ g` of its gradient.
@@ -48,7 +56,27 @@ impl Screening {
     /// The values of all that the model has already, moved along with a hypothesis at its estimate, linearised: by `L⁻ᵀ (L⁻¹ g − L⁻¹ B p)`.
     /// None where numbers overflow.
     pub fn moved_along(&self, score: &Score) -> Option<Vec<f64>> {
-        self.moved(&(&self.base.as_ref()?.1 - &score.across))
+        let estimate = DVector::from_column_slice(&score.parameters);
+        self.moved(&(&self.base.as_ref()?.1 - &score.beside * estimate))
+    }
+
+    /// What a hypothesis would do to the model's values from the `first` on: with `D = −L⁻ᵀ L⁻¹ B` they move by `D p̂`, and their variances grow by
+    /// those of `D (A + S⁻²)⁻¹ Dᵀ`, where S are the deviations of its prior. None where numbers overflow.
+    pub fn with_cause(
+        &self,
+        score: &Score,
+        prior_std: impl Iterator<Item = f64>,
+        first: usize,
+    ) -> Option<WithCause> {
+        let by = self.base.as_ref()?.0.l_dirty().tr_solve_lower_triangular(&score.beside)?;
+        let by = -by.rows_range(first..);
+        let mut posterior = score.information.clone();
+        prior_std.enumerate().for_each(|(i, std)| posterior[(i, i)] += 1.0 / (std * std));
+        let covariance = posterior.cholesky()?.inverse();
+        let moves = &by * DVector::from_column_slice(&score.parameters);
+        let adds_variance = (&by * covariance).component_mul(&by).column_sum();
+        let finite = moves.iter().chain(adds_variance.iter()).all(|x| x.is_finite());
+        finite.then_some(WithCause { moves, adds_variance })
     }
 
     /// The same without any hypothesis.
@@ -121,15 +149,14 @@ fn score(
 ) -> Score {
     let mut a = candidate.a.clone();
     a.fill_lower_triangle_with_upper_triangle();
-    let across = b.nrows();
-    let mut beside = None;
+    let mut beside = DMatrix::zeros(b.nrows(), b.ncols());
     if let Some((factor, along)) = base
-        && across > 0
+        && b.nrows() > 0
         && let Some(b) = factor.l_dirty().solve_lower_triangular(&b)
     {
         a -= b.tr_mul(&b);
         g -= b.tr_mul(along);
-        beside = Some(b);
+        beside = b;
     }
     let usual = DVector::from_column_slice(&catalogue.hypotheses[candidate.hypothesis].prior_std);
     let scales = catalogue.prior_scales(candidate.hypothesis);
@@ -138,9 +165,7 @@ fn score(
     let best = scales.iter().map(at_scale).max_by(by_evidence);
     let ((log_bayes, parameters), scale) = best.unwrap_or(((f64::NEG_INFINITY, vec![0.0; g.len()]), 1.0));
     let variant = if scales.len() > 1 { scale } else { candidate.variant };
-    let estimate = DVector::from_column_slice(&parameters);
-    let across = beside.map_or_else(|| DVector::zeros(across), |b| b * estimate);
-    Score { across, hypothesis: candidate.hypothesis, variant, log_bayes, parameters, information: a }
+    Score { beside, hypothesis: candidate.hypothesis, variant, log_bayes, parameters, information: a }
 }
 
 /// Log Bayes factor, and the estimate that belongs to it.

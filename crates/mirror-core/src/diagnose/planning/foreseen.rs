@@ -49,7 +49,9 @@ impl PlannedSession {
         let seen = self.problem.frames.iter().flat_map(|f| &f.others).filter(|o| o.marker().is_some());
         let numbers = |o: &Observation| if matches!(o, Observation::Pixel { .. }) { 2.0 } else { 3.0 };
         let held_out = gain_needed(seen.map(numbers).sum());
-        let limits = self.postures().limits(Criterion { least_log_odds: LEAST_LOG_ODDS, held_out })?;
+        let postures = self.postures();
+        let criterion = Criterion { least_log_odds: LEAST_LOG_ODDS, held_out };
+        let limits = postures.limits(criterion, &postures.screened()?)?;
         let (nominal, noise) = (self.problem.nominal(), self.problem.noise);
         let normal = Normal::at(&self.problem, &nominal, noise, &self.columns, true, None, None)?;
         self.problem.cancel.check()?;

@@ -28,12 +28,23 @@ pub(crate) fn all_displaced(setup: &Geometry, fit: &Fit) -> bool {
 
 /// Log Bayes factor of some of the group's values under their spreads against zero.
 pub(crate) fn log_bayes(setup: &Geometry, fit: &Fit, columns: &[usize]) -> f64 {
+    log_bayes_of(setup, fit, columns, &[])
+}
+
+/// The same where the values are less certain than the fit says: `stds` are those of all of the group's values. A deviation above the
+/// spread of its kind would be no information, and none is taken for larger than that.
+pub(crate) fn log_bayes_of(setup: &Geometry, fit: &Fit, columns: &[usize], stds: &[f64]) -> f64 {
     let first = fit.model.nuisances.len();
     let spread = |k: usize| setup.group.prior_std[k];
+    let own = |k: usize| fit.covariance[(first + k, first + k)].max(0.0).sqrt();
+    let wider = |k: usize| -> f64 {
+        let most = spread(k) / own(k);
+        stds.get(k).map_or(1.0, |std| (std / own(k)).min(most).max(1.0))
+    };
     // In units of the spreads: the prior is standard normal.
     let covariance = DMatrix::from_fn(columns.len(), columns.len(), |i, j| {
         let (a, b) = (columns[i], columns[j]);
-        fit.covariance[(first + a, first + b)] / (spread(a) * spread(b))
+        fit.covariance[(first + a, first + b)] * wider(a) * wider(b) / (spread(a) * spread(b))
     });
     let values = DVector::from_fn(columns.len(), |i, _| fit.model.group[columns[i]] / spread(columns[i]));
     let Some(factor) = covariance.cholesky() else { return 0.0 };

@@ -2,16 +2,18 @@
 //! are added to it.
 
 use crate::diagnose::assessment::findings::Findings;
+use crate::diagnose::assessment::further_cause::beside_further_cause;
 use crate::diagnose::assessment::gap_closed::gap_over;
 use crate::diagnose::assessment::limits::limits;
 use crate::diagnose::assessment::noise_floor::Floor;
+use crate::diagnose::assessment::resample_deviations::at_least_over_resamples;
 use crate::diagnose::assessment::stability::stability;
 use crate::diagnose::assessment::uncertainty::deviations;
 use crate::diagnose::criteria::regions::regions;
 use crate::diagnose::data::checked::Checked;
 use crate::diagnose::data::diagnosis::{Cause, Data, Diagnosis, Ranked, VERSION, Verdict};
 use crate::diagnose::data::recording::Recording;
-use crate::diagnose::likelihood::score_test::Score;
+use crate::diagnose::likelihood::score_test::{Score, Screening, screen};
 use crate::diagnose::principles::Size;
 use crate::diagnose::report::another_resolution::put_together;
 use crate::diagnose::report::gap_steps::{Part, gap_steps};
@@ -41,7 +43,13 @@ pub(crate) fn diagnosis(
     findings.found.fit = findings.refit()?;
     let standings = core::mem::take(&mut findings.standings);
     let floor = Floor::new(&findings.search, &findings.found.fit, findings.unexplained.is_none())?;
-    let deviations = deviations(findings, &floor)?;
+    let mut deviations = deviations(findings, &floor)?;
+    at_least_over_resamples(&mut deviations, findings, &standings, ranking)?;
+    let screening = beside_mounts(findings)?;
+    if let Some(screening) = &screening {
+        let (catalogue, scene) = (findings.search.catalogue, &findings.search.problem.scene);
+        beside_further_cause(screening, (catalogue, scene), &mut deviations);
+    }
     let mut told = named_causes(findings, &standings, &deviations)?;
     put_together(&mut told, &findings.search.problem);
     // Without which nothing could be compared: no number says how much that moves, and all else is less.
@@ -106,7 +114,7 @@ pub(crate) fn diagnosis(
         sentence,
         r#where: places,
         gap,
-        limits: limits(findings)?,
+        limits: limits(findings, screening.as_ref())?,
         next_postures: crate::diagnose::assessment::design::next_postures(
             findings, &standings, robot, recording,
         )?,
@@ -121,6 +129,16 @@ pub(crate) fn diagnosis(
         data: Data::default(),
         markers: Vec::new(),
     })
+}
+
+/// The score test of all hypotheses at the model found with its mounts and small errors; none where it has none.
+fn beside_mounts(findings: &Findings<'_>) -> Result<Option<Screening>> {
+    let (search, found) = (&findings.search, &findings.found);
+    if found.fit.model.group.is_empty() {
+        return Ok(None);
+    }
+    let (problem, catalogue, model) = (&search.problem, search.catalogue, &found.fit.model);
+    screen(problem, catalogue, &search.group, model, found.noise, search.mask).map(Some)
 }
 
 /// Adds its stability to each cause that was found by the score test.

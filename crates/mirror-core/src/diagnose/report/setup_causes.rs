@@ -7,7 +7,7 @@ use crate::diagnose::effects::Concern;
 use crate::diagnose::likelihood::fit::Fit;
 use crate::diagnose::likelihood::probability::tempered;
 use crate::diagnose::principles::LEAST_LOG_ODDS;
-use crate::diagnose::random_effects::displaced::{log_bayes, members_of};
+use crate::diagnose::random_effects::displaced::{log_bayes, log_bayes_of, members_of};
 use crate::diagnose::random_effects::geometric_tolerances::Geometry;
 use crate::diagnose::random_effects::small_errors::Kind;
 use crate::diagnose::report::rms_shift::rms_shift;
@@ -32,7 +32,7 @@ pub(crate) fn setup_causes(
     for (effect, place) in setup.mounts() {
         let members = members_of(setup, effect, place);
         let columns: Vec<usize> = members.iter().map(|m| m.0).collect();
-        let odds = log_bayes(setup, fit, &columns);
+        let odds = log_bayes_of(setup, fit, &columns, &deviations.group);
         if odds < LEAST_LOG_ODDS {
             continue;
         }

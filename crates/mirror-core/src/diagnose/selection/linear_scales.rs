@@ -105,6 +105,21 @@ impl LinearSearch {
         *self.without_causes.get_or_init(|| all()?.1)
     }
 
+    /// The values of all parameters beside a set, in their own units, at the scales that it leaves; 0 of what is not in it. None where
+    /// numbers overflow.
+    pub fn values_at_own_scales(&self, weighed: &WeighedSet) -> Option<Vec<f64>> {
+        // The equations are in units of the scales learned, these values in those of the model's.
+        let mut values = self.values(&weighed.scaled.equations, &weighed.set)?;
+        if let Some(((group, first), spreads)) = self.geometry.as_ref().zip(weighed.scaled.spreads.as_ref()) {
+            let mut learned = group.clone();
+            learned.set_spreads(spreads);
+            for (k, std) in learned.group.prior_std.iter().enumerate() {
+                values[first + k] *= std / self.std[first + k];
+            }
+        }
+        Some(values)
+    }
+
     /// A set with scales that were learned with it.
     pub(super) fn weighed(&self, set: Vec<usize>, scaled: Scaled) -> Option<WeighedSet> {
         let log_posterior = self.log_posterior(&scaled.reduced, &set)?;

@@ -16,7 +16,7 @@ use crate::diagnose::random_effects::outlier_tolerances::outweighs;
 use crate::diagnose::random_effects::small_errors::Kind;
 use crate::random::Random;
 use crate::robot::Robot;
-use nalgebra::{DMatrix, DVector, Vector2};
+use nalgebra::{DMatrix, Vector2};
 use std::sync::Arc;
 
 const NOISE: Noise = Noise { corner_px: 0.15, marker_px: 0.15, point_m: 0.001 };
@@ -141,7 +141,7 @@ fn what_the_score_test_puts_far_behind_the_best_is_not_fitted() {
             log_bayes: log_bayes - catalogue.hypotheses[hypothesis].log_prior,
             parameters: vec![0.0],
             information: DMatrix::identity(1, 1),
-            across: DVector::zeros(0),
+            beside: DMatrix::zeros(0, 1),
         };
         let scores = [score(offsets[0], best), score(offsets[1], best - behind)];
         search.most_promising(&scores, 5, None).len() == 2
