@@ -3,7 +3,7 @@
 //! The standard deviation of a parameter is the largest of: the fit's; that of a fit with discrepancy terms of the laws and with
 //! correlated noise; that of a fit in which springs stiffen. Added to it is how far the last two move the value, and how far real
 //! joints are known to depart from a law without the data showing it. The noise is what the whole model leaves, where that is
-//! more than the estimate.
+//! more than the estimate. [`super::resample_deviations`] and [`super::further_cause`] widen them where the model may not hold.
 //!
 //! A compliance is reported for small loads. A spring that stiffens, `δ = c τ (1 − s τ²/τ_max²)`, is softer there
 //! than the linear law that fits best: s is fitted together with c, and the value moves by the difference of the two
