@@ -19,12 +19,14 @@ use crate::diagnose::assessment::uncertainty::Deviations;
 use crate::diagnose::effects::hypothesis::Catalogue;
 use crate::diagnose::likelihood::score_test::{Screening, WithCause};
 use crate::diagnose::model::scene::Scene;
-use crate::diagnose::principles::{Size, TEMPER, WORTH_NAMING};
+use crate::diagnose::principles::{Guard, Size, TEMPER, WORTH_NAMING};
 use crate::statistics::{normal_below, normal_quantile};
 use std::collections::BTreeMap;
 
 /// Halvings of an interval's bound.
-const HALVINGS: Size = 50;
+const HALVINGS: Size = 40;
+/// A cause that moves a value by less than this share of its deviation is as good as none for it.
+const UNNOTICED: Guard = 0.05;
 
 /// One normal of a mixture: weight, mean and standard deviation about the value of the model found.
 #[derive(Debug, Clone, Copy)]
@@ -53,15 +55,22 @@ pub(crate) fn beside_further_cause(
             likeliest.insert(score.hypothesis, (weight, moved));
         }
     }
-    let mut mixture = vec![Normal { weight: 1.0, mean: 0.0, std: 1.0 }; likeliest.len() + 1];
+    let mut mixture = Vec::with_capacity(likeliest.len() + 1);
     let all = deviations.group.iter_mut().chain(deviations.stds.iter_mut().flatten());
     for (k, std) in all.enumerate() {
-        mixture[0].std = *std;
-        for (normal, (weight, moved)) in mixture[1..].iter_mut().zip(likeliest.values()) {
-            let own = std.hypot(moved.adds_variance[k].max(0.0).sqrt());
-            *normal = Normal { weight: *weight, mean: moved.moves[k], std: own };
+        mixture.clear();
+        mixture.push(Normal { weight: 1.0, mean: 0.0, std: *std });
+        for (weight, moved) in likeliest.values() {
+            let (mean, adds) = (moved.moves[k], moved.adds_variance[k].max(0.0));
+            if mean * mean + adds < (UNNOTICED * *std).powi(2) {
+                mixture[0].weight += weight;
+            } else {
+                mixture.push(Normal { weight: *weight, mean, std: std.hypot(adds.sqrt()) });
+            }
         }
-        *std = interval(&mixture) / normal_quantile(1.0 - 0.5 * WORTH_NAMING);
+        if mixture.len() > 1 {
+            *std = interval(&mixture) / normal_quantile(1.0 - 0.5 * WORTH_NAMING);
+        }
     }
 }
 
