@@ -27,6 +27,8 @@ use std::collections::BTreeMap;
 const HALVINGS: Size = 40;
 /// A cause that moves a value by less than this share of its deviation is as good as none for it.
 const UNNOTICED: Guard = 0.05;
+/// Log weights are not above this: their sum must be a number.
+const LARGEST_LOG_WEIGHT: Guard = 50.0;
 
 /// One normal of a mixture: weight, mean and standard deviation about the value of the model found.
 #[derive(Debug, Clone, Copy)]
@@ -46,7 +48,8 @@ pub(crate) fn beside_further_cause(
     let mut likeliest: BTreeMap<usize, (f64, WithCause)> = BTreeMap::new();
     for score in screening.scores.iter().filter(|s| !catalogue.is_free(s.hypothesis)) {
         let log_bayes = score.log_bayes.min(TEMPER * score.log_bayes);
-        let weight = (catalogue.log_prior(scene, score.hypothesis, score.variant) + log_bayes).exp();
+        let log_weight = catalogue.log_prior(scene, score.hypothesis, score.variant) + log_bayes;
+        let weight = log_weight.min(LARGEST_LOG_WEIGHT).exp();
         if likeliest.get(&score.hypothesis).is_some_and(|known| known.0 >= weight) {
             continue;
         }
@@ -94,7 +97,7 @@ fn interval(mixture: &[Normal]) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use super::{Normal, interval};
+    use super::{LARGEST_LOG_WEIGHT, Normal, interval};
     use crate::random::Random;
 
     #[test]
@@ -129,5 +132,7 @@ mod tests {
         };
         assert!(beside(0.01) < 1.1, "{}", beside(0.01));
         assert!(beside(0.1) > 3.5, "{}", beside(0.1));
+        // What the score test alone puts far above the model found.
+        assert!((beside(LARGEST_LOG_WEIGHT.exp()) - 9.64 / 1.96).abs() < 0.02);
     }
 }

@@ -5,11 +5,12 @@ use crate::diagnose::effects::hypothesis::{Catalogue, Model};
 use crate::diagnose::effects::vocabulary;
 use crate::diagnose::likelihood::fit::{Active, FitOptions, Group, fit};
 use crate::diagnose::likelihood::linearised::Linearised;
-use crate::diagnose::likelihood::score_sums::ScoreSums;
+use crate::diagnose::likelihood::score_sums::{CandidateSums, ScoreSums};
 use crate::diagnose::likelihood::score_test::{Score, scored, screen};
 use crate::diagnose::model::elementary::{Atom, Column};
 use crate::diagnose::model::problem::{Noise, Problem};
 use crate::robot::Robot;
+use nalgebra::{DMatrix, DVector};
 use std::sync::Arc;
 
 const NOISE: Noise = Noise { corner_px: 0.15, marker_px: 0.15, point_m: 1.0 };
@@ -96,4 +97,53 @@ fn evidence_from_the_sums_is_that_of_the_model_linearised() {
             assert!((a.unwrap() - b.unwrap()).abs() < 1e-6 * a.unwrap().abs(), "{a:?} {b:?}");
         }
     }
+}
+
+/// One dense system of the model and of one hypothesis more, solved and inverted whole.
+#[test]
+fn a_further_cause_moves_and_widens_values_as_one_system_with_it_does() {
+    let Fitted { problem, catalogue, group, model } = fitted();
+    let sums = ScoreSums::at(&problem, &catalogue, &group, &model, NOISE, None).unwrap();
+    let known: Vec<usize> = model.terms.iter().map(|t| t.hypothesis).collect();
+    let screening = scored(&sums, &catalogue, &known, &[]);
+    let active = &screening.active;
+    let (mut h, mut g) = (sums.h.clone(), sums.g.clone());
+    active.add_priors(&mut h, &mut g);
+    let (count, first) = (g.len(), active.first_group);
+    let alone = h.clone().try_inverse().unwrap();
+    let mut tried = 0;
+    let plain = |s: &&Score| catalogue.hypotheses[s.hypothesis].variants.len() == 1;
+    for score in screening.scores.iter().filter(plain).take(30) {
+        let of = |c: &&CandidateSums| c.hypothesis == score.hypothesis;
+        let candidate = sums.candidates.iter().find(of).unwrap();
+        let k = candidate.g.len();
+        if candidate.positive {
+            continue;
+        }
+        let prior: Vec<f64> = catalogue.prior_stds(score.hypothesis, score.variant).collect();
+        let mut whole = DMatrix::zeros(count + k, count + k);
+        whole.view_mut((0, 0), (count, count)).copy_from(&h);
+        whole.view_mut((0, count), (count, k)).copy_from(&candidate.b);
+        whole.view_mut((count, 0), (k, count)).copy_from(&candidate.b.transpose());
+        let mut own = candidate.a.clone();
+        own.fill_lower_triangle_with_upper_triangle();
+        whole.view_mut((count, count), (k, k)).copy_from(&own);
+        (0..k).for_each(|i| whole[(count + i, count + i)] += prior[i].powi(-2));
+        let right = DVector::from_iterator(count + k, g.iter().chain(candidate.g.iter()).copied());
+        let inverse = whole.try_inverse().unwrap();
+        let (with, without) = (&inverse * right, &alone * &g);
+        let moved = screening.with_cause(score, prior.into_iter(), first).unwrap();
+        for i in first..count {
+            let unit = alone[(i, i)].sqrt();
+            let moves = (with[i] - without[i]) / unit;
+            let adds = (inverse[(i, i)] - alone[(i, i)]) / unit.powi(2);
+            let (its_moves, its_adds) =
+                (moved.moves[i - first] / unit, moved.adds_variance[i - first] / unit.powi(2));
+            let name = catalogue.name(&problem.scene, score.hypothesis);
+            assert!((its_moves - moves).abs() < 1e-5 + 1e-4 * moves.abs(), "{name}: {its_moves} {moves}");
+            assert!((its_adds - adds).abs() < 1e-5 + 1e-4 * adds.abs(), "{name}: {its_adds} {adds}");
+        }
+        tried += 1;
+    }
+    assert!(tried > 10, "{tried}");
 }
