@@ -32,10 +32,9 @@ help: ## this list
 demo: $(VENV)/installed ## render the embedded robot before a mirror, detect, measure, report, all into ./out
 	$(BIN)/mirror-posture demo --out $(OUT)
 
-# The wheel first, while packages are installed (cargo lets one build run at a time): its crates are those of the core's tests, and
-# Python's tests, which take the longest, run while these are compiled. Then both at once, so that no core waits for the other's last test.
+# Both at once, so that no core waits for the other's last test. The core is built for its tests first (cargo lets one build run at a time), all
+# of its targets at once, while packages are installed; the wheel is built while these run.
 test: ## all tests, and whether all sources are formatted
-	$(MAKE) -j 2 $(VENV)/wheel $(VENV)/dependencies
 	$(MAKE) -j 2 test-rust test-python
 	$(MAKE) format
 
@@ -138,7 +137,7 @@ $(VENV)/installed: $(VENV)/wheel
 	$(INSTALL) --no-deps --force-reinstall $(WHEELS)/*.whl
 	touch $@
 
-# What comes from elsewhere is there before the wheel is: cargo compiles, and pip mostly waits for the network.
+# What comes from elsewhere is there before the wheel is: cargo compiles the core's tests first, and pip mostly waits for the network.
 $(VENV)/dependencies: pyproject.toml tests/dependencies.py $(VENV)/tools
 	$(BIN)/python tests/dependencies.py test > $(VENV)/dependencies.txt
 	$(INSTALL) -r $(VENV)/dependencies.txt
