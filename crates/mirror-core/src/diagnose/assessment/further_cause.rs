@@ -1,4 +1,5 @@
-//! What a cause that was not found would change: 95 % intervals of displaced mounts, averaged over the models with one further cause.
+//! What a cause that was not found would change: 95 % intervals of displaced mounts, of small errors and of the causes beside them, averaged
+//! over the models with one further cause.
 //!
 //! A board that is printed too large looks like one that is mounted nearer to the camera. Where the postures hardly tell one from the
 //! other, the search names neither, or one of them; the mount's own covariance knows nothing of the other. With the score test at
@@ -8,8 +9,8 @@
 //! w_h = π_h exp(min(l, t l)),   l its log Bayes factor, t the exponent of the power posterior
 //! ```
 //!
-//! beside 1 of the model as it is. With it a mount's value moves by `D p̂`, and its variance grows by `D Σ Dᵀ`, where p̂ and Σ are
-//! the estimate and the covariance of the cause's parameters, and D is minus how the model's values move with them. The value is a
+//! beside 1 of the model as it is. With it a value moves by `D p̂`, and its variance grows by `D Σ Dᵀ`, where p̂ and Σ are the
+//! estimate and the covariance of the cause's parameters, and D is how the model's values move with them. The value is a
 //! mixture of normals; its deviation is told such that 1.96 of them hold 95 % of the mixture. A cause that may be there with 1 % changes
 //! nothing, one with 10 % decides how far the interval reaches.
 //!
