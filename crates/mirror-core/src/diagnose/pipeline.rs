@@ -18,7 +18,7 @@ use crate::diagnose::data::recording::Recording;
 use crate::diagnose::effects::hypothesis::{Catalogue, Model};
 use crate::diagnose::likelihood::fit::Group;
 use crate::diagnose::likelihood::noise;
-use crate::diagnose::likelihood::score_test::screen;
+use crate::diagnose::likelihood::nominal_sums::NominalSums;
 use crate::diagnose::model::deformation::Deformation;
 use crate::diagnose::model::problem::{Noise, Problem};
 use crate::diagnose::model::work_budget::{A_STAGE, WorkBudget};
@@ -52,6 +52,7 @@ use crate::diagnose::selection::transmission_errors::with_transmission_errors;
 use crate::diagnose::selection::with_setup::{go_on_at_smaller_noise, with_or_without_setup};
 use crate::error::Result;
 use crate::robot::Robot;
+use std::sync::Arc;
 
 /// A diagnosis, and what decides on a second one.
 pub(crate) struct Outcome {
@@ -112,7 +113,12 @@ pub(crate) fn diagnose(
     let all = Catalogue::with_free_forms(&catalogue, &problem.scene, free_forms(&problem.scene));
     let nominal = Model::nominal(&problem);
     let scatter = noise::effective(&problem, &problem.nominal(), problem.noise, None)?;
-    let ranking = screen(&problem, &catalogue, &Group::default(), &nominal, scatter, None)?.scores;
+    let known = prepared.nominal_sums.clone();
+    let sums = match known.filter(|known| known.are_of(&problem, &catalogue, &nominal, scatter)) {
+        Some(known) => known,
+        None => Arc::new(NominalSums::at(&problem, &catalogue, scatter)?),
+    };
+    let ranking = sums.screening(&catalogue).scores;
 
     options.progress.enter("searching for causes");
     problem.budget.allow(1.0 - 2.0 * A_STAGE);
@@ -127,6 +133,7 @@ pub(crate) fn diagnose(
         options: SearchOptions::of(options.most_causes),
         mask: part.as_deref(),
         ties: Vec::new(),
+        nominal_sums: Some(sums),
     };
     let plain = search.clone();
     let (mut found, setup, extended) = match prepared.lost() {

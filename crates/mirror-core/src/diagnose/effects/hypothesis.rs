@@ -112,6 +112,11 @@ impl Catalogue {
         hypothesis >= self.first_free
     }
 
+    /// The first free-form error; those of the vocabulary are before it.
+    pub fn first_free(&self) -> usize {
+        self.first_free
+    }
+
     pub fn effect(&self, hypothesis: usize) -> &dyn Effect {
         self.effects[self.hypotheses[hypothesis].effect].as_ref()
     }

@@ -1,5 +1,6 @@
 //! The covariance of a fit's parameters, computed when it is first asked for: most fits are only compared.
 
+use crate::diagnose::likelihood::factor::inverse;
 use core::ops::Index;
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use std::sync::OnceLock;
@@ -23,7 +24,7 @@ impl Covariance {
             let s = DVector::from_column_slice(&self.std);
             match &self.factor {
                 Some(factor) => {
-                    let mut covariance = factor.inverse();
+                    let mut covariance = inverse(factor);
                     for i in 0..s.len() {
                         for j in 0..s.len() {
                             covariance[(i, j)] *= s[i] * s[j];

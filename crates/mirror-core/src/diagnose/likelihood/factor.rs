@@ -73,6 +73,42 @@ fn squared_length(l: &[f64], i: usize, column: &mut [f64]) -> f64 {
     square
 }
 
+/// `tr A⁻¹`.
+pub(crate) fn trace_of_inverse(factor: &Cholesky<f64, Dyn>) -> f64 {
+    variances(factor, 0..factor.l_dirty().nrows()).iter().sum()
+}
+
+/// `A⁻¹ = L⁻ᵀ L⁻¹`, a third of the operations of `A X = I`.
+pub(crate) fn inverse(factor: &Cholesky<f64, Dyn>) -> DMatrix<f64> {
+    let l = factor.l_dirty();
+    let count = l.nrows();
+    let mut rows = DMatrix::zeros(count, count);
+    let mut out = DMatrix::zeros(count, count);
+    invert(l.as_slice(), count, rows.as_mut_slice(), out.as_mut_slice());
+    out.fill_lower_triangle_with_upper_triangle();
+    out
+}
+
+/// Writes the rows of `L⁻¹` behind each other, `m_k = (e_k − Σ_{j<k} L_kj m_j) / L_kk`, and the upper triangle of `Σ_k m_kᵀ m_k`.
+#[multiversion(targets("x86_64+avx512f", "x86_64+avx2"))]
+fn invert(l: &[f64], count: usize, rows: &mut [f64], out: &mut [f64]) {
+    let add = |to: &mut [f64], by: f64, from: &[f64]| {
+        to.iter_mut().zip(from).for_each(|(to, x)| *to += by * x);
+    };
+    for k in 0..count {
+        let (before, rest) = rows.split_at_mut(k * count);
+        let own = &mut rest[..=k];
+        own[k] = 1.0;
+        for j in 0..k {
+            add(own, -l[j * count + k], &before[j * count..=j * count + j]);
+        }
+        own.iter_mut().for_each(|x| *x /= l[k * count + k]);
+        for j in 0..=k {
+            add(&mut out[j * count..=j * count + j], own[j], own);
+        }
+    }
+}
+
 #[cfg(test)]
 #[allow(clippy::unwrap_used)]
 mod tests {
@@ -85,7 +121,7 @@ mod tests {
     }
 
     #[test]
-    fn factors_and_variances_are_those_of_the_matrix() {
+    fn factors_inverses_and_variances_are_those_of_the_matrix() {
         for n in [1, 2, 5, 12, 31] {
             let matrix = matrix(n);
             let factor = cholesky(matrix.clone()).unwrap();
@@ -93,6 +129,7 @@ mod tests {
             assert!((&l * l.transpose() - &matrix).amax() < 1e-12 * matrix.amax(), "{n}");
             assert!((log_det(&factor) - matrix.determinant().ln()).abs() < 1e-10, "{n}");
             let inverse = matrix.try_inverse().unwrap();
+            assert!((super::inverse(&factor) - &inverse).amax() < 1e-10 * inverse.amax(), "{n}");
             for (i, v) in (n / 3..n).zip(variances(&factor, n / 3..n)) {
                 assert!((v - inverse[(i, i)]).abs() < 1e-10 * v, "{n}");
             }

@@ -16,7 +16,7 @@
 //! Sources: Laird and Ware (1982) for the random effects; Liang and Zeger (1986) for the variance of scores.
 
 use crate::diagnose::likelihood::constant_columns::ConstantColumns;
-use crate::diagnose::likelihood::factor::log_det;
+use crate::diagnose::likelihood::factor::{cholesky, log_det, trace_of_inverse};
 use crate::diagnose::likelihood::noise::{SETTLED, effective};
 use crate::diagnose::likelihood::normal_equations::{changes_sight, counts};
 use crate::diagnose::likelihood::saturated::postures;
@@ -125,9 +125,9 @@ impl JointScatter {
             for (error, of) in errors.iter_mut().zip(&sums) {
                 let ridge = DMatrix::identity(joints.len(), joints.len()) * precision;
                 // Not positive only where numbers overflow: the posture keeps its errors.
-                let Some(factor) = (&of.h + ridge).cholesky() else { continue };
+                let Some(factor) = cholesky(&of.h + ridge) else { continue };
                 *error += factor.solve(&(&of.g - &*error * precision));
-                square += error.norm_squared() + factor.inverse().trace();
+                square += error.norm_squared() + trace_of_inverse(&factor);
             }
             std_rad = (square / (groups.len() * joints.len()).max(1) as f64).sqrt();
             moved = displaced(model, &groups, joints, &errors);
@@ -169,9 +169,9 @@ impl JointScatter {
             for of in &sums {
                 let scaled = &of.h * variance + DMatrix::identity(joints.len(), joints.len());
                 // Not positive only where numbers overflow: such a posture tells nothing.
-                let Some(factor) = scaled.cholesky() else { continue };
+                let Some(factor) = cholesky(scaled) else { continue };
                 let error = factor.solve(&of.g) * variance;
-                square += error.norm_squared() + variance * factor.inverse().trace();
+                square += error.norm_squared() + variance * trace_of_inverse(&factor);
                 all += 0.5 * (error.dot(&of.g) - log_det(&factor));
             }
             gain = all;

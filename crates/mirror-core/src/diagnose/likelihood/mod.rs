@@ -10,6 +10,7 @@ pub(super) mod linearised;
 pub(super) mod noise;
 pub(super) mod noise_correlation;
 pub(super) mod noise_scale;
+pub(super) mod nominal_sums;
 pub(super) mod normal_equations;
 pub(super) mod probability;
 pub(super) mod saturated;

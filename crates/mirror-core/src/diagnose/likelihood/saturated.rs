@@ -5,6 +5,7 @@
 //! on is the measurement's noise (and the optics). So noise and gap are separated without knowing any cause.
 
 use crate::diagnose::likelihood::constant_columns::ConstantColumns;
+use crate::diagnose::likelihood::factor::{cholesky, inverse};
 use crate::diagnose::likelihood::normal_equations::counts;
 use crate::diagnose::model::deformation::Deformation;
 use crate::diagnose::model::elementary::Atom;
@@ -141,9 +142,9 @@ fn free_posture(
     let prior = FREE_STD.powi(-2);
     let data = DMatrix::from_fn(n, n, |i, j| h[(index[i], index[j])]);
     let gradient = DVector::from_fn(n, |i, _| g[index[i]]);
-    let Some(factor) = (&data + DMatrix::identity(n, n) * prior).cholesky() else { return out };
+    let Some(factor) = cholesky(&data + DMatrix::identity(n, n) * prior) else { return out };
     let solution = factor.solve(&gradient);
-    let covariance = factor.inverse();
+    let covariance = inverse(&factor);
     // The hat matrix `C H` of the data's information `H = C⁻¹ − λ I` is `I − λ C`; its trace is the effective number
     // of parameters.
     let hat = |i: usize| 1.0 - prior * covariance[(i, i)];

@@ -17,12 +17,14 @@ use crate::diagnose::model::frame::{
 use crate::diagnose::model::problem::{Noise, Problem};
 use crate::diagnose::model::work_budget::Effort;
 use crate::error::Result;
+use core::ops::Range;
 use multiversion::multiversion;
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 use std::collections::HashMap;
 
 /// The sums of a model and of all hypotheses of a catalogue, those of its own causes among them.
+#[derive(Clone)]
 pub(crate) struct ScoreSums {
     pub active: Active,
     /// `CᵀC` and `Cᵀr`, without priors.
@@ -36,6 +38,7 @@ pub(crate) struct ScoreSums {
 }
 
 /// The sums of a hypothesis.
+#[derive(Clone)]
 pub(crate) struct CandidateSums {
     pub hypothesis: usize,
     pub variant: f64,
@@ -62,6 +65,22 @@ impl ScoreSums {
         noise: Noise,
         mask: Option<&[bool]>,
     ) -> Result<Self> {
+        let all = 0..catalogue.hypotheses.len();
+        Self::of(problem, (catalogue, all), group, model, noise, mask)
+    }
+
+    /// The same of some hypotheses alone.
+    ///
+    /// # Errors
+    /// Invalid parameters of the camera or mirror.
+    pub fn of(
+        problem: &Problem,
+        (catalogue, tried): (&Catalogue, Range<usize>),
+        group: &Group,
+        model: &Model,
+        noise: Noise,
+        mask: Option<&[bool]>,
+    ) -> Result<Self> {
         let scene = &problem.scene;
         let active = Active::of(problem, catalogue, group, model);
         let deformation = model.deformation(problem, catalogue, &group.columns);
@@ -70,7 +89,8 @@ impl ScoreSums {
         let is_free = |c: &Column| matches!(c.atom, Atom::FreeOptics(_));
         let together = active.columns.iter().any(is_free);
         let (mut first, mut of_free_optics) = (Candidates::default(), Candidates::default());
-        for (h, hypothesis) in catalogue.hypotheses.iter().enumerate() {
+        for h in tried {
+            let hypothesis = &catalogue.hypotheses[h];
             let zero = vec![0.0; hypothesis.prior_std.len()];
             for &variant in catalogue.laws(h) {
                 let columns = catalogue.effect(h).columns(scene, hypothesis.place, variant, &zero);

@@ -110,6 +110,24 @@ pub(crate) fn screen(
     Ok(scored(&sums, catalogue, &known, &[]))
 }
 
+/// As [`screen`], of free-form errors alone.
+///
+/// # Errors
+/// Invalid parameters of the camera or mirror.
+pub(crate) fn screen_free_forms(
+    problem: &Problem,
+    catalogue: &Catalogue,
+    group: &Group,
+    model: &Model,
+    noise: Noise,
+    mask: Option<&[bool]>,
+) -> Result<Screening> {
+    let free = catalogue.first_free()..catalogue.hypotheses.len();
+    let sums = ScoreSums::of(problem, (catalogue, free), group, model, noise, mask)?;
+    let known: Vec<usize> = model.terms.iter().map(|t| t.hypothesis).collect();
+    Ok(scored(&sums, catalogue, &known, &[]))
+}
+
 /// All hypotheses but the `known` ones scored, best first; `out` are parameters of the model that are taken out: they are 0, and
 /// cannot move.
 pub(crate) fn scored(sums: &ScoreSums, catalogue: &Catalogue, known: &[usize], out: &[usize]) -> Screening {

@@ -9,9 +9,11 @@ use crate::diagnose::data::diagnosis::Cause;
 use crate::diagnose::data::left_out::LeftOut;
 use crate::diagnose::data::recording::Recording;
 use crate::diagnose::likelihood::noise;
+use crate::diagnose::likelihood::nominal_sums::NominalSums;
 use crate::diagnose::model::problem::{Noise, Problem};
 use crate::error::Result;
 use crate::robot::Robot;
+use std::sync::Arc;
 
 /// A session ready for the search.
 pub(crate) struct Prepared {
@@ -25,6 +27,8 @@ pub(crate) struct Prepared {
     pub stated: Noise,
     pub slip: Option<Slip>,
     pub left_out: Vec<LeftOut>,
+    /// The score test's sums at the nominal model, where nothing was changed since they were summed.
+    pub nominal_sums: Option<Arc<NominalSums>>,
     /// Whether an earlier diagnosis named small errors everywhere, so that they are tried in place of all causes.
     pub had_small_errors: bool,
     undone: Option<Undone>,
@@ -86,7 +90,19 @@ impl Prepared {
         if slip.is_some() {
             problem.noise = noise::estimate(&problem, &nominal, stated)?;
         }
-        Ok(Self { given, arranged, problem, stated, slip, left_out, had_small_errors: false, undone })
+        let unchanged = undone.is_none() && slip.is_none();
+        let nominal_sums = if unchanged { memory.nominal_sums() } else { None };
+        Ok(Self {
+            given,
+            arranged,
+            problem,
+            stated,
+            slip,
+            left_out,
+            nominal_sums,
+            had_small_errors: false,
+            undone,
+        })
     }
 
     /// The robot with its mistakes undone.

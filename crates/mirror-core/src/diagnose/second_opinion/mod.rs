@@ -57,6 +57,16 @@ pub fn diagnose(
     options: &DiagnoseOptions,
     others: &[OtherSession],
 ) -> Result<Diagnosis> {
+    // On a thread of the pool: from outside, each of thousands of short loops would wake the pool and wait for it.
+    rayon::scope(|_| on_this_thread(robot, recording, options, others))
+}
+
+fn on_this_thread(
+    robot: &Robot,
+    recording: &Recording,
+    options: &DiagnoseOptions,
+    others: &[OtherSession],
+) -> Result<Diagnosis> {
     let mut memory = Memory::default();
     let mut found = accepted(robot, recording, options, others, &mut memory)?;
     if is_late_by_nothing(&found.diagnosis.causes) && !is_over(&mut found) {

@@ -13,7 +13,7 @@ use crate::diagnose::data::depends_on::DependsOn;
 use crate::diagnose::data::diagnosis::Where;
 use crate::diagnose::effects::Place;
 use crate::diagnose::effects::hypothesis::{Catalogue, Model};
-use crate::diagnose::likelihood::score_test::screen;
+use crate::diagnose::likelihood::score_test::screen_free_forms;
 use crate::diagnose::model::body::NodeId;
 use crate::diagnose::model::problem::Noise;
 use crate::diagnose::model::scene::Scene;
@@ -111,11 +111,8 @@ pub(crate) fn is_suspicious(
     }
     let wide = Search { catalogue: all, ..search.clone() };
     let (group, start) = wide.loosened(&found.fit.model, None);
-    let scores = screen(&search.problem, all, &group, &start, found.noise, search.mask)?.scores;
-    Ok(scores
-        .iter()
-        .filter(|s| all.is_free(s.hypothesis))
-        .any(|s| s.log_bayes + all.hypotheses[s.hypothesis].log_prior > -LOG_PRIOR_FREE))
+    let scores = screen_free_forms(&search.problem, all, &group, &start, found.noise, search.mask)?.scores;
+    Ok(scores.iter().any(|s| s.log_bayes + all.hypotheses[s.hypothesis].log_prior > -LOG_PRIOR_FREE))
 }
 
 /// The search with free-form errors as hypotheses, and its log posterior odds against what was found.

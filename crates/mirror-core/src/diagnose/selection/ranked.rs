@@ -21,12 +21,16 @@ pub(super) struct Ranked {
 }
 
 impl Search<'_> {
-    /// The sums at a model.
+    /// The sums at a model; at the nominal one those that are known.
     ///
     /// # Errors
     /// Invalid parameters of the camera or mirror.
     pub(super) fn sums_at(&self, model: &Model, noise: Noise) -> Result<ScoredModel> {
         let (problem, catalogue) = (&self.problem, self.catalogue);
+        let known = self.nominal_sums.as_ref().filter(|_| self.mask.is_none());
+        if let Some(known) = known.filter(|known| known.are_of(problem, catalogue, model, noise)) {
+            return Ok(ScoredModel::new(model, noise, known.sums.clone(), Vec::new()));
+        }
         let (group, start) = self.loosened(model, None);
         let sums = ScoreSums::at(problem, catalogue, &group, &start, noise, self.mask)?;
         let slack = slack_of_each(problem, catalogue, model, sums.active.first_group);

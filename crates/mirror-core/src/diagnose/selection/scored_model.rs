@@ -3,13 +3,10 @@
 
 use crate::diagnose::effects::hypothesis::Model;
 use crate::diagnose::likelihood::linearised::Linearised;
+use crate::diagnose::likelihood::nominal_sums::serve_at;
 use crate::diagnose::likelihood::score_sums::ScoreSums;
 use crate::diagnose::model::problem::Noise;
-use crate::diagnose::principles::Guard;
 use core::ops::Range;
-
-/// Sums serve at another noise that differs by less than this share: hypotheses are ranked with them, not fitted.
-const SAME_NOISE: Guard = 0.02;
 
 /// A model with the sums of the score test, the discrepancy terms of its causes' laws among its columns.
 pub(super) struct ScoredModel {
@@ -40,13 +37,10 @@ impl ScoredModel {
 
     /// Whether the sums are those of a model at a noise.
     pub fn is_of(&self, model: &Model, noise: Noise) -> bool {
-        let near = |a: f64, b: f64| (a - b).abs() <= SAME_NOISE * b.abs();
         self.model.terms == model.terms
             && self.model.group == model.group
             && self.model.nuisances == model.nuisances
-            && near(self.noise.corner_px, noise.corner_px)
-            && near(self.noise.marker_px, noise.marker_px)
-            && near(self.noise.point_m, noise.point_m)
+            && serve_at(self.noise, noise)
     }
 
     /// The columns of some causes and of their laws' discrepancy terms.

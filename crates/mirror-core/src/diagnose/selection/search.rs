@@ -8,6 +8,7 @@ use crate::diagnose::likelihood::fit::{Fit, FitOptions, Group, fit, fit_below};
 use crate::diagnose::likelihood::joint_scatter::{Scatter, Widening};
 use crate::diagnose::likelihood::linearised::Linearised;
 use crate::diagnose::likelihood::noise::effective_from;
+use crate::diagnose::likelihood::nominal_sums::NominalSums;
 use crate::diagnose::likelihood::normal_equations::counts;
 use crate::diagnose::likelihood::probability::{tempered, unfinished};
 use crate::diagnose::model::problem::{Noise, Problem};
@@ -17,6 +18,7 @@ use crate::diagnose::random_effects::law_discrepancy::with_slack;
 use crate::diagnose::selection::scored_model::ScoredModel;
 use crate::error::Result;
 use rayon::prelude::*;
+use std::sync::Arc;
 
 /// How the search goes.
 #[derive(Debug, Clone)]
@@ -82,6 +84,8 @@ pub(crate) struct Search<'a> {
     pub mask: Option<&'a [bool]>,
     /// Causes that were added although another was about as probable, with that other.
     pub ties: Vec<(usize, Term)>,
+    /// The sums at the nominal model.
+    pub nominal_sums: Option<Arc<NominalSums>>,
 }
 
 impl Search<'_> {

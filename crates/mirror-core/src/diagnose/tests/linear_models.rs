@@ -44,6 +44,7 @@ fn a_linear_model_tells_what_a_cause_gains_by_the_scales_that_it_leaves() {
         options: SearchOptions::default(),
         mask: None,
         ties: Vec::new(),
+        nominal_sums: None,
         problem: problem.clone(),
     };
     let options = FitOptions { noise: problem.noise, steps: 8 };

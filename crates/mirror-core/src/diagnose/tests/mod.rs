@@ -15,6 +15,7 @@ mod many_columns;
 mod missing_rows;
 mod near_ties;
 mod noise;
+mod nominal_sums;
 mod places;
 mod planning;
 mod principles;

@@ -22,6 +22,7 @@ pub(super) fn search<'a>(problem: &Problem, catalogue: &'a Catalogue) -> Search<
         options: SearchOptions::default(),
         mask: None,
         ties: Vec::new(),
+        nominal_sums: None,
     }
 }
 

@@ -36,7 +36,7 @@ pub(super) fn turned_gravity(
     explained: bool,
 ) -> Result<Option<Turned>> {
     // Where nothing is to be explained mounts need not be fitted.
-    let Some(Alone { noise, likeliest: stated }) = alone else { return Ok(None) };
+    let Some(Alone { noise, likeliest: stated, .. }) = alone else { return Ok(None) };
     let exact = turned_beside(problem, &Beside::nothing(problem), stated, noise)?;
     if explained || exact.as_ref().is_some_and(|turned| turned.sure) {
         return Ok(exact);

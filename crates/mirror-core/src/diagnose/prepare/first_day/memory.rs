@@ -5,9 +5,11 @@ use super::loads::{self, Turned};
 use super::mistake::{Changes, Mistake};
 use super::outlying::False;
 use super::single_cause::{self, Alone, Explained};
+use crate::diagnose::likelihood::nominal_sums::NominalSums;
 use crate::diagnose::model::problem::Problem;
 use crate::diagnose::model::work_budget::WorkBudget;
 use crate::error::Result;
+use std::sync::Arc;
 
 /// Results of one stage, by the mistakes that were undone before it.
 pub(super) struct Known<T>(Vec<(Vec<Mistake>, T)>);
@@ -19,9 +21,14 @@ impl<T> Default for Known<T> {
 }
 
 impl<T: Clone> Known<T> {
+    /// What was found after these mistakes were undone.
+    pub fn known(&self, undone: &[Mistake]) -> Option<&T> {
+        self.0.iter().find(|(of, _)| of == undone).map(|(_, known)| known)
+    }
+
     /// What `find` gives, or gave before after the same mistakes were undone.
     pub fn remembered(&mut self, undone: &[Mistake], find: impl FnOnce() -> Result<T>) -> Result<T> {
-        if let Some((_, known)) = self.0.iter().find(|(of, _)| of == undone) {
+        if let Some(known) = self.known(undone) {
             return Ok(known.clone());
         }
         let found = find()?;
@@ -81,6 +88,11 @@ impl Memory {
     ) -> Result<Option<Turned>> {
         let alone = self.alone.remembered(undone, || single_cause::alone(problem))?;
         self.gravity.remembered(undone, || loads::turned_gravity(problem, alone, explained))
+    }
+
+    /// The score test's sums at the nominal model of the session as it was given; none where it leaves no gap.
+    pub(crate) fn nominal_sums(&self) -> Option<Arc<NominalSums>> {
+        self.alone.known(&[])?.as_ref().map(|alone| Arc::clone(&alone.sums))
     }
 
     /// The budget of the next diagnosis; `own`: that of a session's first.

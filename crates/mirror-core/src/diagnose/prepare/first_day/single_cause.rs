@@ -9,7 +9,8 @@ use crate::diagnose::effects::hypothesis::{Catalogue, Model};
 use crate::diagnose::effects::{Effect, vocabulary};
 use crate::diagnose::likelihood::fit::{FitOptions, Group, fit};
 use crate::diagnose::likelihood::noise::{effective, estimate};
-use crate::diagnose::likelihood::score_test::{Score, screen};
+use crate::diagnose::likelihood::nominal_sums::NominalSums;
+use crate::diagnose::likelihood::score_test::{Score, Screening, screen};
 use crate::diagnose::model::deformation::Deformation;
 use crate::diagnose::model::problem::{Noise, Problem};
 use crate::diagnose::model::solver::SOLVER;
@@ -25,6 +26,7 @@ const MOUNTS: [&str; 4] = ["board_mount", "camera_mount", "marker_mount", "joint
 pub(super) struct Alone {
     pub noise: Noise,
     pub likeliest: Option<Likeliest>,
+    pub sums: Arc<NominalSums>,
 }
 
 /// The likeliest single cause, with everything else mounted as modelled; none where the nominal model leaves no gap.
@@ -34,8 +36,10 @@ pub(super) struct Alone {
 pub(super) fn alone(problem: &Problem) -> Result<Option<Alone>> {
     let exact = Beside::nothing(problem);
     let Some(noise) = exact.gap(problem)? else { return Ok(None) };
-    let likeliest = likeliest(problem.clone(), vocabulary(), &exact, noise)?;
-    Ok(Some(Alone { noise, likeliest }))
+    let catalogue = catalogue(problem, vocabulary());
+    let sums = Arc::new(NominalSums::at(problem, &catalogue, noise)?);
+    let screening = sums.screening(&catalogue);
+    Ok(Some(Alone { noise, likeliest: first_possible(problem.clone(), catalogue, &exact, &screening), sums }))
 }
 
 /// What explains a session's gap.
@@ -55,7 +59,7 @@ pub(super) enum Explained {
 /// # Errors
 /// Invalid parameters of camera or mirror.
 pub(super) fn explained(problem: &Problem, alone: Option<Alone>) -> Result<Explained> {
-    let Some(Alone { noise, likeliest }) = alone else { return Ok(Explained::ByUsual) };
+    let Some(Alone { noise, likeliest, .. }) = alone else { return Ok(Explained::ByUsual) };
     let Some(best) = likeliest else { return Ok(Explained::Not) };
     let best = best.fitted(noise)?;
     let is_enough = !is_gap(problem, best.left) || {
@@ -204,9 +208,23 @@ pub(super) fn likeliest(
     beside: &Beside,
     noise: Noise,
 ) -> Result<Option<Likeliest>> {
-    let catalogue = Catalogue::new(&problem.scene, effects.into_iter().map(Arc::from).collect(), &[]);
+    let catalogue = catalogue(&problem, effects);
+    let screening = screen(&problem, &catalogue, &beside.group, &beside.start, noise, None)?;
+    Ok(first_possible(problem, catalogue, beside, &screening))
+}
+
+fn catalogue(problem: &Problem, effects: Vec<Box<dyn Effect>>) -> Catalogue {
+    Catalogue::new(&problem.scene, effects.into_iter().map(Arc::from).collect(), &[])
+}
+
+/// The likeliest hypothesis that can be, at its estimate.
+fn first_possible(
+    problem: Problem,
+    catalogue: Catalogue,
+    beside: &Beside,
+    screening: &Screening,
+) -> Option<Likeliest> {
     let (group, model) = (beside.group.clone(), &beside.start);
-    let screening = screen(&problem, &catalogue, &group, model, noise, None)?;
     // What is free already is no cause.
     let is_free = |h: usize| !group.columns.is_empty() && MOUNTS.contains(&catalogue.effect(h).name());
     let at_estimate = |score: &Score| {
@@ -227,7 +245,7 @@ pub(super) fn likeliest(
     };
     let others = screening.scores.iter().filter(|s| !is_free(s.hypothesis));
     let mut possible = others.map(|s| (s.log_bayes, at_estimate(s))).filter(|(_, with)| is_possible(with));
-    let Some((log_bayes, model)) = possible.next() else { return Ok(None) };
+    let (log_bayes, model) = possible.next()?;
     drop(possible);
-    Ok(Some(Likeliest { problem, group, catalogue: Arc::new(catalogue), model, log_bayes }))
+    Some(Likeliest { problem, group, catalogue: Arc::new(catalogue), model, log_bayes })
 }
