@@ -1,4 +1,5 @@
-//! Tests of the core from outside: properties, statistics, references.
+//! Tests of the core from outside: properties, statistics, references. Those of the diagnosis are a program of their own
+//! (`diagnosis.rs`): two are compiled at once.
 
 // A test may panic: that is how it fails.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
@@ -12,27 +13,6 @@ mod correct_stops;
 mod examples;
 mod feed_forward;
 mod fuzz_corpus;
-mod gap_beside_causes;
-mod gap_claims;
-mod gap_effects;
-mod gap_first_day;
-mod gap_geared_joints;
-mod gap_gravity;
-mod gap_heavy_links;
-mod gap_long;
-mod gap_mounts;
-mod gap_moving_base;
-mod gap_no_name;
-mod gap_other_session;
-mod gap_panels;
-mod gap_permuted_names;
-mod gap_pushed_marker;
-mod gap_sessions;
-mod gap_setup;
-mod gap_several_mistakes;
-mod gap_spoilt_log;
-mod gap_warming;
-mod gap_world;
 mod glass;
 mod joint;
 mod joint_log;

@@ -13,6 +13,12 @@ pub mod resting;
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 use std::fmt::Write;
 
+/// Of several draws of one kind of session as many as are usual; all where `MIRROR_TEST_ALL` is set.
+pub fn draws<T, const N: usize>(usual: usize, all: [T; N]) -> impl Iterator<Item = T> {
+    let count = if std::env::var_os("MIRROR_TEST_ALL").is_some() { N } else { usual };
+    all.into_iter().take(count)
+}
+
 pub const FOCAL_PX: f64 = 693.0;
 pub const CENTER_PX: [f64; 2] = [399.5, 299.5];
 const GRAVITY: Vector3<f64> = Vector3::new(0.0, 0.0, -9.81);

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ..._core import MirrorPostureError
-from ...session.errors import SessionError
 from ..detected import load_detected
 from ..output import JsonOption, Output
 from ..told_diagnosis import OWN_FILES, show_diagnosis, write_results
@@ -122,12 +121,7 @@ def command(
         )
     documents: list[Mapping[str, Any]] = []
     for folder, target in zip(sessions, targets, strict=True):
-        try:
-            loaded = load_detected(output, folder, points_suffice=True)
-        except SessionError as error:
-            if len(sessions) == 1:
-                raise
-            raise MirrorPostureError(f"{folder}: {error}") from error
+        loaded = _loaded(output, folder, alone=len(sessions) == 1)
         if afar is None and is_moving(loaded):
             _refuse_in_motion(folder, {"--without": without, "--withhold": withhold, "--rerun": rerun})
             documents.append(_in_motion(output, loaded, folder, model, others, most_causes, target))
@@ -170,6 +164,18 @@ def command(
         documents.append(found.document)
     if as_json:
         output.result(documents[0] if len(documents) == 1 else documents)
+
+
+def _loaded(output: Output, folder: Path, *, alone: bool) -> Session:
+    """One of the sessions; of several the error says which."""
+    from ...session import SessionError
+
+    try:
+        return load_detected(output, folder, points_suffice=True)
+    except SessionError as error:
+        if alone:
+            raise
+        raise MirrorPostureError(f"{folder}: {error}") from error
 
 
 def _targets(sessions: list[Path], out: Path | None) -> list[Path | None]:
