@@ -7,6 +7,7 @@ use crate::diagnose::likelihood::fit::Group;
 use crate::diagnose::likelihood::score_sums::ScoreSums;
 use crate::diagnose::likelihood::score_test::{Screening, scored};
 use crate::diagnose::model::problem::{FrameData, Noise, Problem};
+use crate::diagnose::model::slips::Slip;
 use crate::diagnose::principles::Guard;
 use crate::error::Result;
 
@@ -30,18 +31,27 @@ pub(crate) struct NominalSums {
     data: Data,
 }
 
-/// What changes during a diagnosis and sums depend on: observations that are left out as false, gravity's loads.
-#[derive(PartialEq)]
+/// What changes during a diagnosis and sums depend on: observations that are left out as false, positions, gravity's loads, slips.
 struct Data {
-    observations: Vec<(usize, usize)>,
+    frames: Vec<FrameData>,
+    commanded: Vec<f64>,
     torque: Vec<f64>,
+    slips: Vec<Slip>,
 }
 
 impl Data {
     fn of(problem: &Problem) -> Self {
-        let count = |frame: &FrameData| (frame.corners.len(), frame.others.len());
-        let observations = problem.frames.iter().map(count).collect();
-        Self { observations, torque: problem.scene.torque.clone() }
+        let scene = &problem.scene;
+        let (commanded, torque) = (scene.commanded.clone(), scene.torque.clone());
+        Self { frames: problem.frames.clone(), commanded, torque, slips: problem.slips.clone() }
+    }
+
+    fn are_of(&self, problem: &Problem) -> bool {
+        let scene = &problem.scene;
+        self.frames == problem.frames
+            && self.commanded == scene.commanded
+            && self.torque == scene.torque
+            && self.slips == problem.slips
     }
 }
 
@@ -71,7 +81,7 @@ impl NominalSums {
             && model.nuisances == self.nuisances
             && serve_at(self.noise, noise)
             && names(catalogue) == self.hypotheses
-            && Data::of(problem) == self.data
+            && self.data.are_of(problem)
     }
 }
 

@@ -31,14 +31,14 @@ pub(crate) struct Noise {
 }
 
 /// What an observation sees.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum Seen {
     Marker(usize),
     Corner(usize),
 }
 
 /// An observation other than a board corner in the mirror.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum Observation {
     Pixel { seen: Seen, via: Via, pixel: Vector2<f64> },
     Point { marker: usize, position: Vector3<f64> },
@@ -63,7 +63,7 @@ impl Observation {
 }
 
 /// One frame's observations.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, PartialEq)]
 pub(crate) struct FrameData {
     /// Board corners in the mirror: index and pixel.
     pub corners: Vec<(usize, Vector2<f64>)>,

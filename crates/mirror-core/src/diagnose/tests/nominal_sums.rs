@@ -43,6 +43,9 @@ fn kept_sums_serve_only_what_they_were_summed_over() {
     let mut fewer = problem.clone();
     fewer.frames[3].others.pop().unwrap();
     assert!(!kept.are_of(&fewer, &all, &nominal, NOISE));
+    let mut moved = problem.clone();
+    moved.frames[3].corners[0].1.x += 0.5;
+    assert!(!kept.are_of(&moved, &all, &nominal, NOISE));
     let mut turned = problem.clone();
     turned.scene.gravity = -turned.scene.gravity;
     turned.scene.update_loads(&problem.nominal());
