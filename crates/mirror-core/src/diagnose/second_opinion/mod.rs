@@ -47,7 +47,8 @@ use reason::{
 
 /// Diagnoses a recording: where the model is wrong, which effect causes it, how far the gap shrinks.
 ///
-/// Where the first diagnosis gives reason for doubt, a second one follows (see the module).
+/// Where the first diagnosis gives reason for doubt, a second one follows (see the module). It runs on the threads of rayon's pool in which
+/// it is called, else of the global one; of more calls at once than it has threads some wait for others.
 ///
 /// # Errors
 /// A recording that is not valid, links that do not exist, invalid parameters of the camera.
