@@ -53,12 +53,14 @@ impl Search<'_> {
             return Ok(Vec::new());
         }
         let once = OnceLock::new();
-        // The misfit of the model alone. Where it cannot be, any is better.
+        // The misfit of the model alone. Where it cannot be, any is better. No other may wait for it: a thread that sums frames takes up other
+        // candidates meanwhile, and would wait for itself.
         let alone = || {
-            *once.get_or_init(|| {
+            once.get().copied().unwrap_or_else(|| {
                 let misfit =
                     || self.fit_with_slack(model, None, noise, 0).map_or(f64::INFINITY, |f| f.misfit);
-                screening.misfit.unwrap_or_else(misfit)
+                let misfit = screening.misfit.unwrap_or_else(misfit);
+                *once.get_or_init(|| misfit)
             })
         };
         let with = |model: &Model, score: &Score, share: f64| {
