@@ -13,7 +13,6 @@ use crate::diagnose::likelihood::fit::{Active, Group};
 use crate::diagnose::likelihood::score_sums::{CandidateSums, ScoreSums};
 use crate::diagnose::model::problem::{Noise, Problem};
 use crate::error::Result;
-use core::ops::Range;
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
 /// The result of the score test of one hypothesis.
@@ -106,35 +105,7 @@ pub(crate) fn screen(
     noise: Noise,
     mask: Option<&[bool]>,
 ) -> Result<Screening> {
-    let all = 0..catalogue.hypotheses.len();
-    screen_some(problem, (catalogue, all), group, model, noise, mask)
-}
-
-/// As [`screen`], of free-form errors alone.
-///
-/// # Errors
-/// Invalid parameters of the camera or mirror.
-pub(crate) fn screen_free_forms(
-    problem: &Problem,
-    catalogue: &Catalogue,
-    group: &Group,
-    model: &Model,
-    noise: Noise,
-    mask: Option<&[bool]>,
-) -> Result<Screening> {
-    let free = catalogue.first_free()..catalogue.hypotheses.len();
-    screen_some(problem, (catalogue, free), group, model, noise, mask)
-}
-
-fn screen_some(
-    problem: &Problem,
-    (catalogue, tried): (&Catalogue, Range<usize>),
-    group: &Group,
-    model: &Model,
-    noise: Noise,
-    mask: Option<&[bool]>,
-) -> Result<Screening> {
-    let sums = ScoreSums::of(problem, (catalogue, tried), group, model, noise, mask)?;
+    let sums = ScoreSums::at(problem, catalogue, group, model, noise, mask)?;
     let known: Vec<usize> = model.terms.iter().map(|t| t.hypothesis).collect();
     Ok(scored(&sums, catalogue, &known, &[]))
 }

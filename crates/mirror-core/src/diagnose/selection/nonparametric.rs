@@ -13,7 +13,8 @@ use crate::diagnose::data::depends_on::DependsOn;
 use crate::diagnose::data::diagnosis::Where;
 use crate::diagnose::effects::Place;
 use crate::diagnose::effects::hypothesis::{Catalogue, Model};
-use crate::diagnose::likelihood::score_test::screen_free_forms;
+use crate::diagnose::likelihood::score_sums::ScoreSums;
+use crate::diagnose::likelihood::score_test::scored;
 use crate::diagnose::model::body::NodeId;
 use crate::diagnose::model::problem::Noise;
 use crate::diagnose::model::scene::Scene;
@@ -111,7 +112,10 @@ pub(crate) fn is_suspicious(
     }
     let wide = Search { catalogue: all, ..search.clone() };
     let (group, start) = wide.loosened(&found.fit.model, None);
-    let scores = screen_free_forms(&search.problem, all, &group, &start, found.noise, search.mask)?.scores;
+    let free = (all, all.first_free()..all.hypotheses.len());
+    let sums = ScoreSums::of(&search.problem, free, &group, &start, found.noise, search.mask)?;
+    let own: Vec<usize> = start.terms.iter().map(|t| t.hypothesis).collect();
+    let scores = scored(&sums, all, &own, &[]).scores;
     Ok(scores.iter().any(|s| s.log_bayes + all.hypotheses[s.hypothesis].log_prior > -LOG_PRIOR_FREE))
 }
 

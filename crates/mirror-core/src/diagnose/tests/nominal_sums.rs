@@ -7,7 +7,7 @@ use crate::diagnose::effects::vocabulary;
 use crate::diagnose::likelihood::fit::Group;
 use crate::diagnose::likelihood::nominal_sums::NominalSums;
 use crate::diagnose::likelihood::score_sums::ScoreSums;
-use crate::diagnose::likelihood::score_test::{screen, screen_free_forms};
+use crate::diagnose::likelihood::score_test::{scored, screen};
 use crate::diagnose::model::problem::{Noise, Problem};
 use crate::diagnose::random_effects::free_form::free_forms;
 use crate::robot::Robot;
@@ -81,7 +81,7 @@ fn free_forms_alone_have_the_sums_that_they_have_beside_all_others() {
         assert!(one.b.iter().zip(other.b.iter()).all(|(a, b)| near(*a, *b, one.b.amax())));
         assert!(one.g.iter().zip(other.g.iter()).all(|(a, b)| near(*a, *b, one.g.amax())));
     }
-    let best = screen_free_forms(&problem, &all, &group, &model, NOISE, None).unwrap().scores;
+    let best = scored(&free, &all, &[0], &[]).scores;
     let of_all = screen(&problem, &all, &group, &model, NOISE, None).unwrap().scores;
     let likeliest = of_all.iter().find(|s| all.is_free(s.hypothesis)).unwrap();
     assert!(near(best[0].log_bayes, likeliest.log_bayes, likeliest.log_bayes.abs()));
