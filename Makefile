@@ -14,6 +14,9 @@ WHEELS := target/wheels
 # Tests start many processes: what one has compiled of the packages the next ones read.
 unexport PYTHONDONTWRITEBYTECODE
 
+# Threads of linear algebra wait for each other by spinning; the workers keep all cores at work without them.
+ONE_THREAD := OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1
+
 # Their files alone: reading all others takes each worker longer than these tests take.
 REALTIME := $(shell grep -l "mark.realtime" tests/python/test_*.py)
 
@@ -45,10 +48,12 @@ test-rust: ## the core's tests; needs no Python
 	cargo test --locked -q -p mirror-core -p mirror-py --tests
 	cargo test --locked -q -p mirror-core -p mirror-py --doc
 
-# A third of a worker's time is waiting for processes: three keep two cores at work.
+# A third of a worker's time is waiting for processes: three keep two cores at work. They would all compile the same files at the same
+# moment: one process does it before.
 test-python: $(VENV)/installed-for-tests ## build and install the wheel, test it
-	$(BIN)/python -m pytest -q -n 3 --dist worksteal -m "not realtime"
-	$(BIN)/python -m pytest -q -n 4 -m realtime $(REALTIME)
+	$(BIN)/python -m pytest -q --collect-only > $(VENV)/collected.txt || { cat $(VENV)/collected.txt; exit 1; }
+	$(ONE_THREAD) $(BIN)/python -m pytest -q -n 3 --dist worksteal -m "not realtime"
+	$(ONE_THREAD) $(BIN)/python -m pytest -q -n 4 --dist worksteal -m realtime $(REALTIME)
 
 test-floors: $(VENV)/wheel ## detection and sessions with the oldest dependencies that can be solved (not a part of `make test`)
 	$(PYTHON) -m venv $(VENV)-floors

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import atexit
 import io
 import json
 import tempfile
@@ -29,7 +30,9 @@ INFO: dict[str, Any] = {
 @cache
 def folder() -> Path:
     """A dataset without its info.json, and a place for files."""
-    place = Path(tempfile.mkdtemp(prefix="fuzz-recordings-"))
+    below = tempfile.TemporaryDirectory(prefix="fuzz-recordings-")
+    atexit.register(below.cleanup)
+    place = Path(below.name)
     (place / "dataset/meta").mkdir(parents=True)
     rows = [[0.1, 0.2], [0.1, 0.2]]
     table = pa.table(

@@ -25,6 +25,7 @@ from mirror_posture.viewpoint import View
 
 pytest.importorskip("mujoco")
 
+from draws import draws
 from faulty_robot import PIXEL_FAULTS, POSTURE, Blurred, Fault, HiddenForGood, SpotOnTheArm, trial
 from mirror_posture.shapes.mujoco_picture import opengl_is_there
 from views_once import views_once
@@ -43,7 +44,7 @@ def proposed() -> Iterator[None]:
 
 @pytest.mark.parametrize("kind", [k for k in PIXEL_FAULTS if k is not SpotOnTheArm], ids=lambda k: k.__name__)
 def test_no_fault_makes_a_correction_unsafe_or_wrong(kind: type[Fault], nominal: Nominal) -> None:
-    trials = [trial(kind, 1000 + seed, nominal) for seed in range(3)]
+    trials = [trial(kind, 1000 + seed, nominal) for seed in draws(2, range(3))]
     assert kind is not Fault or any(one.stop == "converged" for one in trials)
     for one in trials:
         assert one.unsafe == 0 and one.lost == 0
@@ -58,7 +59,7 @@ def test_no_fault_makes_a_correction_unsafe_or_wrong(kind: type[Fault], nominal:
 
 def test_a_spot_on_the_same_limb_is_the_known_limit(nominal: Nominal) -> None:
     """What moves with the limb as the ball would, and is no farther from its model than is believed, cannot be told from it."""
-    trials = [trial(SpotOnTheArm, 1000 + seed, nominal) for seed in range(3)]
+    trials = [trial(SpotOnTheArm, 1000 + seed, nominal) for seed in draws(2, range(3))]
     assert all(one.unsafe == 0 and one.lost == 0 for one in trials)
 
 
@@ -199,7 +200,7 @@ with TwinRobot(hidden, TwinOptions(pictures=False, seed=7)) as robot:
 """
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", draws(2, range(4)))
 def test_a_process_killed_at_any_moment_loses_nothing(nominal: Nominal, tmp_path: Path, seed: int) -> None:
     from mirror_lab.robots import TwinOptions, TwinRobot
 

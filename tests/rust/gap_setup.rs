@@ -168,7 +168,9 @@ fn what_slips_is_told_with_its_motion_beside_a_set_up_by_hand() {
     let board = [0.028, 0.0, 0.004, 0.003, -0.0015, -0.004];
     let camera = [-0.016, -0.002, -0.005, -0.005, -0.002, -0.008];
     let first = 45;
-    for (seed, what, motion) in [(21, "board", board), (22, "camera", camera), (23, "board", camera)] {
+    for (seed, what, motion) in
+        draws(2, [(21, "board", board), (22, "camera", camera), (23, "board", camera)])
+    {
         let world = World::new(4, true);
         let before = mounted_by_hand(&world, seed);
         let mut after = before.clone();
