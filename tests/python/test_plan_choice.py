@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from draws import draws
 from mirror_posture.plan import PlanOptions, make_plan
 from small_arm import setup
 
