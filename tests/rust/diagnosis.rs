@@ -18,6 +18,7 @@ mod gap_other_session;
 mod gap_panels;
 mod gap_permuted_names;
 mod gap_pushed_marker;
+mod gap_resting_joints;
 mod gap_sessions;
 mod gap_setup;
 mod gap_several_mistakes;

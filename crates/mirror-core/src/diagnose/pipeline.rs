@@ -40,12 +40,11 @@ use crate::diagnose::report::spoilt_column::column_is_spoilt;
 use crate::diagnose::report::warnings::warnings;
 use crate::diagnose::selection::correlated_noise::allow_for_correlation;
 use crate::diagnose::selection::erratic_joint::column_says_nothing;
-use crate::diagnose::selection::extended_models::extend_models;
 use crate::diagnose::selection::long_session::{on_all_frames, part_of_frames};
 use crate::diagnose::selection::lost_column::beside_lost_column;
 use crate::diagnose::selection::near_ties::from_near_ties;
 use crate::diagnose::selection::pairwise_start::from_a_pair;
-use crate::diagnose::selection::scattered_joints::{Start, beside_scatter};
+use crate::diagnose::selection::scattered_joints::beyond_single_causes;
 use crate::diagnose::selection::search::{Search, SearchOptions};
 use crate::diagnose::selection::small_errors_instead::small_errors_instead;
 use crate::diagnose::selection::transmission_errors::with_transmission_errors;
@@ -92,7 +91,8 @@ pub(crate) struct Outcome {
 ///    independent error in each posture at one joint;
 /// 5. where that leaves a remainder or many causes, the search with small errors everywhere (`geometry`); where these
 ///    leave a remainder, with the joints' transmission errors among them;
-/// 6. where few causes beside a scatter of all joints are more probable than all of this, the search beside it;
+/// 6. where few causes beside a scatter of all joints are more probable than all of this, the search beside it; beside
+///    free mounts it comes before 4;
 /// 7. causes that do not help on held-out regions are dropped, improbable ones are replaced, the remainder is
 ///    tested against the noise;
 /// 8. causes that are not selected again in resamples of the postures are removed;
@@ -163,17 +163,8 @@ pub(crate) fn diagnose(
         Some(extended) => extended,
         None => {
             from_near_ties(&mut search, &mut found)?;
-            let with_geometry = options.allows("geometry");
-            let extended = extend_models((&mut search, &mut found), &all, &nominal, setup, with_geometry)?;
-            let start =
-                Start { plain: &plain, nominal: &nominal, stated, options, extended: &extended, all: &all };
-            match beside_scatter(&start, &search, &found)? {
-                None => extended,
-                Some(beside) => {
-                    (search, found) = (beside.search, beside.found);
-                    beside.extended
-                }
-            }
+            let models = (&mut search, &mut found);
+            beyond_single_causes(&plain, models, setup, (&nominal, stated), (options, &all))?
         }
     };
 

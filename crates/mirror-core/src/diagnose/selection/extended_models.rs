@@ -42,6 +42,15 @@ pub(crate) struct UnnamedLaw {
     pub beside: Vec<usize>,
 }
 
+impl Extended {
+    /// Nothing beyond what was found with free mounts.
+    pub fn nothing(search: &Search<'_>, found: &Found, setup: &Geometry) -> Result<Self> {
+        let (clean, _) = without_false(&search.problem, &search.deformation(&found.fit.model), found.noise)?;
+        let geometry = Some(setup.clone()).filter(|_| !found.fit.model.group.is_empty());
+        Ok(Self { geometry, erratic: None, unnamed: None, unnamed_law: None, clean })
+    }
+}
+
 impl UnnamedLaw {
     fn of(beside: &BesideFreeForms<'_>) -> Option<Self> {
         let terms = beside.found.fit.model.terms.iter().map(|t| t.hypothesis).collect();

@@ -24,6 +24,7 @@ pub(super) mod pairwise_start;
 pub(super) mod posterior_odds;
 mod ranked;
 pub(super) mod reduced_equations;
+mod scatter_evidence;
 pub(super) mod scattered_joints;
 mod scored_model;
 pub(super) mod search;

@@ -7,24 +7,21 @@
 //! which a posture's observations are as uncertain as they are, and the scatter is told as what is left.
 
 use crate::diagnose::effects::hypothesis::{Catalogue, Model};
-use crate::diagnose::likelihood::fit::{Fit, FitOptions};
+use crate::diagnose::likelihood::fit::FitOptions;
 use crate::diagnose::likelihood::joint_scatter::{JointScatter, Scatter, scattering_joints};
 use crate::diagnose::likelihood::noise::SETTLED;
-use crate::diagnose::likelihood::noise_scale::NoiseScale;
 use crate::diagnose::model::body::NodeId;
 use crate::diagnose::model::problem::Noise;
 use crate::diagnose::model::solver::SOLVER;
 use crate::diagnose::model::work_budget::A_STAGE;
 use crate::diagnose::prepare::options::DiagnoseOptions;
-use crate::diagnose::principles::{LEAST_LOG_ODDS, LOG_PRIOR_STRUCTURE, Size};
+use crate::diagnose::principles::{LEAST_LOG_ODDS, LOG_PRIOR_STRUCTURE};
 use crate::diagnose::random_effects::geometric_tolerances::Geometry;
 use crate::diagnose::selection::extended_models::{Extended, extend_models};
+use crate::diagnose::selection::scatter_evidence::{Weighed, scatter_is_likelier};
 use crate::diagnose::selection::search::{Found, Search};
 use crate::diagnose::selection::with_setup::with_or_without_setup;
 use crate::error::Result;
-
-/// Joints whose scatter alone is compared with that of all, the likeliest first.
-const ALONE: Size = 3;
 
 /// The result of a search beside the joints' scatter.
 pub(crate) struct BesideScatter<'a> {
@@ -46,6 +43,42 @@ pub(crate) struct Start<'a, 's> {
     pub all: &'a Catalogue,
 }
 
+/// What is found beyond single causes: free-form errors, small errors everywhere, a scatter of all joints. The search
+/// becomes the most probable one; `setup` are the mounts that were set free.
+///
+/// Where joints rest elsewhere beside free mounts, free-form errors at the measured noise would describe single
+/// postures, one after the other to the limit of work: the search beside the scatter then comes before them.
+///
+/// # Errors
+/// Invalid parameters of the camera or mirror.
+pub(crate) fn beyond_single_causes<'a>(
+    plain: &Search<'a>,
+    (search, found): (&mut Search<'a>, &mut Found),
+    setup: Option<Geometry>,
+    (nominal, stated): (&Model, Noise),
+    (options, all): (&DiagnoseOptions, &'a Catalogue),
+) -> Result<Extended> {
+    if let Some(mounts) = &setup
+        && scatter_is_likelier(search, found)?
+    {
+        let extended = Extended::nothing(search, found, mounts)?;
+        let start = Start { plain, nominal, stated, options, extended: &extended, all };
+        if let Some(beside) = beside_scatter(&start, search, found)? {
+            (*search, *found) = (beside.search, beside.found);
+            return Ok(beside.extended);
+        }
+    }
+    let extended = extend_models((search, found), all, nominal, setup, options.allows("geometry"))?;
+    let start = Start { plain, nominal, stated, options, extended: &extended, all };
+    // It would be a whole search more.
+    if search.problem.budget.is_over() {
+        return Ok(extended);
+    }
+    let Some(beside) = beside_scatter(&start, search, found)? else { return Ok(extended) };
+    (*search, *found) = (beside.search, beside.found);
+    Ok(beside.extended)
+}
+
 /// The search beside a scatter of all joints; none where what was found is more probable.
 ///
 /// # Errors
@@ -58,10 +91,6 @@ pub(crate) fn beside_scatter<'a>(
     let joints = scattering_joints(&search.problem);
     // Measured points of one posture share the error of a measured pose: joints that scatter look like that.
     if search.problem.camera.is_none() || joints.is_empty() {
-        return Ok(None);
-    }
-    // It would be a whole search more.
-    if search.problem.budget.is_over() {
         return Ok(None);
     }
     // Where no scatter can be more likely, and no noise is above the measured one that it could reduce, it need not be fitted.
@@ -129,20 +158,28 @@ fn searched<'a>(
             its.scatter = Some(scatter);
             its
         };
-        let mut its = widened(start.plain.clone());
-        let without = &start.options.without;
-        let (few, setup) = with_or_without_setup(&mut its, start.nominal, start.stated, without)?;
-        let mut result = (its, few, setup);
         let beside = |(its, found, _): &Searched<'_>| weighed.with_scatter(its, &found.fit, joints);
-        let (value, mut left) = beside(&result)?;
-        // Displaced mounts may take more work to find again than is left; mounts that only absorbed the scatter are not found again.
-        if let Some(mounts) = free {
-            let other = from_free_mounts(widened(search.clone()), found, mounts.clone())?;
-            let (of_other, left_by_other) = beside(&other)?;
-            if of_other > value {
-                (result, left) = (other, left_by_other);
+        let anew = || -> Result<Searched<'a>> {
+            search.problem.budget.allow_more(A_STAGE);
+            let mut its = widened(start.plain.clone());
+            let (few, setup) =
+                with_or_without_setup(&mut its, start.nominal, start.stated, &start.options.without)?;
+            Ok((its, few, setup))
+        };
+        // Mounts that only absorbed the scatter are not found again; displaced ones may take more work to find again than is left.
+        let result = match free {
+            None => anew()?,
+            Some(mounts) => {
+                let kept = from_free_mounts(widened(search.clone()), found, mounts.clone())?;
+                if search.problem.budget.is_over() {
+                    kept
+                } else {
+                    let other = anew()?;
+                    if beside(&other)?.0 > beside(&kept)?.0 { other } else { kept }
+                }
             }
-        }
+        };
+        let (_, left) = beside(&result)?;
         let JointScatter { std_rad, widening, .. } = left;
         round += 1;
         if widening.is_near(scatter.widening) || round == SOLVER.rounds || search.problem.budget.is_spent() {
@@ -163,63 +200,4 @@ fn from_free_mounts<'a>(mut its: Search<'a>, found: &Found, mut mounts: Geometry
     again.fit = mounts.fit(&its.problem, its.catalogue, &again.fit.model, options, its.mask)?;
     its.group = mounts.group.clone();
     Ok((its, again, Some(mounts)))
-}
-
-/// What models are compared by: all at the session's measured noise, each paying for a larger one.
-struct Weighed {
-    scale: NoiseScale,
-    measured: Noise,
-    /// Log posterior of what was found, without scatter.
-    of_found: f64,
-}
-
-impl Weighed {
-    fn new(search: &Search<'_>, found: &Found, joints: &[NodeId]) -> Result<Self> {
-        let (problem, deformation) = (&search.problem, search.deformation(&found.fit.model));
-        let measured = search.measured_noise;
-        let scale = NoiseScale::new(problem, &deformation, measured, search.mask)?;
-        let mut weighed = Self { scale, measured, of_found: 0.0 };
-        weighed.of_found = weighed.without_scatter(search, &found.fit, joints)?;
-        Ok(weighed)
-    }
-
-    /// Log posterior of a model by itself, at the noise that it leaves.
-    fn without_scatter(&self, search: &Search<'_>, fit: &Fit, joints: &[NodeId]) -> Result<f64> {
-        let deformation = search.deformation(&fit.model);
-        let alone = JointScatter::none(&search.problem, &deformation, joints, self.measured, search.mask)?;
-        Ok(self.log_posterior(search, fit, &alone))
-    }
-
-    /// Log posterior of a model beside a scatter of some joints, and the scatter.
-    fn with_scatter(&self, search: &Search<'_>, fit: &Fit, joints: &[NodeId]) -> Result<(f64, JointScatter)> {
-        let deformation = search.deformation(&fit.model);
-        let beside = JointScatter::fitted(&search.problem, &deformation, joints, self.measured, search.mask)?;
-        Ok((self.log_posterior(search, fit, &beside), beside))
-    }
-
-    /// Whether a scatter of one joint is more probable than one of all, whose value is given: it is found by a search of
-    /// its own.
-    fn one_is_likelier(
-        &self,
-        search: &Search<'_>,
-        found: &Found,
-        joints: &[NodeId],
-        of_all: f64,
-    ) -> Result<bool> {
-        let deformation = search.deformation(&found.fit.model);
-        let (problem, mask) = (&search.problem, search.mask);
-        let alone = JointScatter::likeliest_alone(problem, &deformation, joints, self.measured, mask)?;
-        for joint in alone.into_iter().take(ALONE) {
-            if self.with_scatter(search, &found.fit, &[joint])?.0 > of_all {
-                return Ok(true);
-            }
-        }
-        Ok(false)
-    }
-
-    /// The likelihood beside the scatter, with the priors and the volume of a model's parameters.
-    fn log_posterior(&self, search: &Search<'_>, fit: &Fit, beside: &JointScatter) -> f64 {
-        let of_parameters = search.log_posterior(fit) + 0.5 * (fit.misfit - search.penalty(&fit.model));
-        of_parameters - 0.5 * beside.cost + self.scale.log_density(beside.noise, self.measured)
-    }
 }

@@ -165,6 +165,16 @@ pub(crate) fn small_errors_help(search: &Search<'_>, found: &Found) -> Result<bo
     if free || model.terms.len() < SEVERAL_CAUSES || search.problem.budget.is_spent() {
         return Ok(false);
     }
+    Ok(gain_of_small_errors(search, found)? > LEAST_LOG_ODDS)
+}
+
+/// How much more probable the causes found are together with small errors everywhere, by one linear model: the log evidence with
+/// these at their usual spreads, or at smaller ones, whichever is largest, less that with none.
+///
+/// # Errors
+/// Invalid parameters of the camera or mirror.
+pub(crate) fn gain_of_small_errors(search: &Search<'_>, found: &Found) -> Result<f64> {
+    let model = &found.fit.model;
     let geometry = Geometry::new(&search.problem, search.catalogue, false);
     let mut group = search.group.clone();
     let own = group.columns.len();
@@ -181,7 +191,7 @@ pub(crate) fn small_errors_help(search: &Search<'_>, found: &Found) -> Result<bo
     let added = here.first_group() + own..here.first_group() + group.columns.len();
     let value = |scale: f64| here.log_evidence(added.clone(), scale).unwrap_or(f64::NEG_INFINITY);
     let none = value(NEXT_TO_NONE);
-    Ok(SPREADS.iter().any(|&scale| value(scale) - none > LEAST_LOG_ODDS))
+    Ok(SPREADS.iter().map(|&scale| value(scale) - none).fold(f64::NEG_INFINITY, f64::max))
 }
 
 /// Spreads that are tried, in units of the usual ones, and one at which the group is as good as not there.
