@@ -110,13 +110,23 @@ pub(crate) fn is_suspicious(
     if adequacy.significant || adequacy.corners_significant || many_false || terms > 1 {
         return Ok(true);
     }
+    Ok(gain_of_free_form(search, found, all)? > -LOG_PRIOR_FREE)
+}
+
+/// How much more probable the likeliest free-form error makes what was found, to first order: its log Bayes factor with its prior
+/// among hypotheses.
+///
+/// # Errors
+/// Invalid parameters of the camera or mirror.
+pub(crate) fn gain_of_free_form(search: &Search<'_>, found: &Found, all: &Catalogue) -> Result<f64> {
     let wide = Search { catalogue: all, ..search.clone() };
     let (group, start) = wide.loosened(&found.fit.model, None);
     let free = (all, all.first_free()..all.hypotheses.len());
     let sums = ScoreSums::of(&search.problem, free, &group, &start, found.noise, search.mask)?;
     let own: Vec<usize> = start.terms.iter().map(|t| t.hypothesis).collect();
     let scores = scored(&sums, all, &own, &[]).scores;
-    Ok(scores.iter().any(|s| s.log_bayes + all.hypotheses[s.hypothesis].log_prior > -LOG_PRIOR_FREE))
+    let gains = scores.iter().map(|s| s.log_bayes + all.hypotheses[s.hypothesis].log_prior);
+    Ok(gains.fold(f64::NEG_INFINITY, f64::max))
 }
 
 /// The search with free-form errors as hypotheses, and its log posterior odds against what was found.

@@ -14,28 +14,33 @@ use crate::error::Result;
 /// Joints whose scatter alone is compared with that of all, the likeliest first.
 const ALONE: Size = 3;
 
-/// Whether a search that allows for no scatter should: one of all joints is more probable beside what was found than none, than one
-/// of a single joint, and than small errors everywhere.
+/// How much more probable what was found is beside a scatter of all joints; none where it is not, for a search that allows for one
+/// already, and where it is no more probable than one of a single joint, or than small errors everywhere.
 ///
 /// # Errors
 /// Invalid parameters of the camera or mirror.
-pub(crate) fn scatter_is_likelier(search: &Search<'_>, found: &Found) -> Result<bool> {
+pub(crate) fn gain_of_scatter(search: &Search<'_>, found: &Found) -> Result<Option<f64>> {
     let joints = scattering_joints(&search.problem);
     // Measured points of one posture share the error of a measured pose: joints that scatter look like that.
     if search.scatter.is_some() || search.problem.camera.is_none() || joints.is_empty() {
-        return Ok(false);
+        return Ok(None);
     }
     let deformation = search.deformation(&found.fit.model);
     let (hoped, _) =
         JointScatter::gain(&search.problem, &deformation, &joints, search.measured_noise, search.mask)?;
     if SOLVER.most_hoped * hoped + LOG_PRIOR_STRUCTURE < 0.0 {
-        return Ok(false);
+        return Ok(None);
     }
     let weighed = Weighed::new(search, found, &joints)?;
     let (here, _) = weighed.with_scatter(search, &found.fit, &joints)?;
     let gain = here + LOG_PRIOR_STRUCTURE - weighed.of_found;
-    let small = gain_of_small_errors(search, found)?;
-    Ok(gain > small.max(0.0) + LEAST_LOG_ODDS && !weighed.one_is_likelier(search, found, &joints, here)?)
+    if gain < LEAST_LOG_ODDS
+        || gain < gain_of_small_errors(search, found)? + LEAST_LOG_ODDS
+        || weighed.one_is_likelier(search, found, &joints, here)?
+    {
+        return Ok(None);
+    }
+    Ok(Some(gain))
 }
 
 /// What models are compared by: all at the session's measured noise, each paying for a larger one.

@@ -18,7 +18,8 @@ use crate::diagnose::prepare::options::DiagnoseOptions;
 use crate::diagnose::principles::{LEAST_LOG_ODDS, LOG_PRIOR_STRUCTURE};
 use crate::diagnose::random_effects::geometric_tolerances::Geometry;
 use crate::diagnose::selection::extended_models::{Extended, extend_models};
-use crate::diagnose::selection::scatter_evidence::{Weighed, scatter_is_likelier};
+use crate::diagnose::selection::nonparametric::gain_of_free_form;
+use crate::diagnose::selection::scatter_evidence::{Weighed, gain_of_scatter};
 use crate::diagnose::selection::search::{Found, Search};
 use crate::diagnose::selection::with_setup::with_or_without_setup;
 use crate::error::Result;
@@ -59,7 +60,8 @@ pub(crate) fn beyond_single_causes<'a>(
     (options, all): (&DiagnoseOptions, &'a Catalogue),
 ) -> Result<Extended> {
     if let Some(mounts) = &setup
-        && scatter_is_likelier(search, found)?
+        && let Some(gain) = gain_of_scatter(search, found)?
+        && gain > gain_of_free_form(search, found, all)? + LEAST_LOG_ODDS
     {
         let extended = Extended::nothing(search, found, mounts)?;
         let start = Start { plain, nominal, stated, options, extended: &extended, all };
