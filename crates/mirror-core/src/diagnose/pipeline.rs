@@ -92,7 +92,7 @@ pub(crate) struct Outcome {
 /// 5. where that leaves a remainder or many causes, the search with small errors everywhere (`geometry`); where these
 ///    leave a remainder, with the joints' transmission errors among them;
 /// 6. where few causes beside a scatter of all joints are more probable than all of this, the search beside it; beside
-///    free mounts it comes before 4;
+///    free mounts, where nothing else is nearly as probable, it comes before 4;
 /// 7. causes that do not help on held-out regions are dropped, improbable ones are replaced, the remainder is
 ///    tested against the noise;
 /// 8. causes that are not selected again in resamples of the postures are removed;

@@ -1,12 +1,15 @@
 //! How probable a scatter of all joints is ([`crate::diagnose::likelihood::joint_scatter`]), compared with models without it.
 
+use crate::diagnose::effects::hypothesis::Catalogue;
 use crate::diagnose::likelihood::fit::Fit;
 use crate::diagnose::likelihood::joint_scatter::{JointScatter, scattering_joints};
+use crate::diagnose::likelihood::noise::SETTLED;
 use crate::diagnose::likelihood::noise_scale::NoiseScale;
 use crate::diagnose::model::body::NodeId;
 use crate::diagnose::model::problem::Noise;
 use crate::diagnose::model::solver::SOLVER;
 use crate::diagnose::principles::{LEAST_LOG_ODDS, LOG_PRIOR_STRUCTURE, Size};
+use crate::diagnose::selection::nonparametric::gain_of_free_form;
 use crate::diagnose::selection::search::{Found, Search};
 use crate::diagnose::selection::with_tolerances::gain_of_small_errors;
 use crate::error::Result;
@@ -14,33 +17,38 @@ use crate::error::Result;
 /// Joints whose scatter alone is compared with that of all, the likeliest first.
 const ALONE: Size = 3;
 
-/// How much more probable what was found is beside a scatter of all joints; none where it is not, for a search that allows for one
-/// already, and where it is no more probable than one of a single joint, or than small errors everywhere.
+/// Whether a scatter of all joints is clearly more probable, beside what was found with free mounts, than anything else: than no
+/// more than that, any one free-form error of `all`, small errors everywhere (three times what linear models promise of these), and
+/// a scatter of one joint. A law that is missing leaves more than the noise beside it. What takes least work is asked first.
 ///
 /// # Errors
 /// Invalid parameters of the camera or mirror.
-pub(crate) fn gain_of_scatter(search: &Search<'_>, found: &Found) -> Result<Option<f64>> {
+pub(crate) fn scatter_stands_out(search: &Search<'_>, found: &Found, all: &Catalogue) -> Result<bool> {
     let joints = scattering_joints(&search.problem);
     // Measured points of one posture share the error of a measured pose: joints that scatter look like that.
-    if search.scatter.is_some() || search.problem.camera.is_none() || joints.is_empty() {
-        return Ok(None);
+    if search.problem.camera.is_none() || joints.is_empty() {
+        return Ok(false);
     }
     let deformation = search.deformation(&found.fit.model);
-    let (hoped, _) =
+    let (gain, _) =
         JointScatter::gain(&search.problem, &deformation, &joints, search.measured_noise, search.mask)?;
-    if SOLVER.most_hoped * hoped + LOG_PRIOR_STRUCTURE < 0.0 {
-        return Ok(None);
+    let hoped = SOLVER.most_hoped * gain + LOG_PRIOR_STRUCTURE;
+    if hoped < LEAST_LOG_ODDS {
+        return Ok(false);
+    }
+    let of_others = SOLVER.most_hoped * gain_of_free_form(search, found, all)?;
+    if hoped < of_others {
+        return Ok(false);
+    }
+    let of_others = of_others.max(SOLVER.most_hoped * gain_of_small_errors(search, found)?);
+    if hoped < of_others {
+        return Ok(false);
     }
     let weighed = Weighed::new(search, found, &joints)?;
-    let (here, _) = weighed.with_scatter(search, &found.fit, &joints)?;
-    let gain = here + LOG_PRIOR_STRUCTURE - weighed.of_found;
-    if gain < LEAST_LOG_ODDS
-        || gain < gain_of_small_errors(search, found)? + LEAST_LOG_ODDS
-        || weighed.one_is_likelier(search, found, &joints, here)?
-    {
-        return Ok(None);
-    }
-    Ok(Some(gain))
+    let (here, beside) = weighed.with_scatter(search, &found.fit, &joints)?;
+    Ok(beside.noise.marker_px * SETTLED <= search.measured_noise.marker_px
+        && here + LOG_PRIOR_STRUCTURE - weighed.of_found > of_others.max(LEAST_LOG_ODDS)
+        && !weighed.one_is_likelier(search, found, &joints, here)?)
 }
 
 /// What models are compared by: all at the session's measured noise, each paying for a larger one.

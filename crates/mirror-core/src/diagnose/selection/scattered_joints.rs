@@ -18,8 +18,7 @@ use crate::diagnose::prepare::options::DiagnoseOptions;
 use crate::diagnose::principles::{LEAST_LOG_ODDS, LOG_PRIOR_STRUCTURE};
 use crate::diagnose::random_effects::geometric_tolerances::Geometry;
 use crate::diagnose::selection::extended_models::{Extended, extend_models};
-use crate::diagnose::selection::nonparametric::gain_of_free_form;
-use crate::diagnose::selection::scatter_evidence::{Weighed, gain_of_scatter};
+use crate::diagnose::selection::scatter_evidence::{Weighed, scatter_stands_out};
 use crate::diagnose::selection::search::{Found, Search};
 use crate::diagnose::selection::with_setup::with_or_without_setup;
 use crate::error::Result;
@@ -60,8 +59,7 @@ pub(crate) fn beyond_single_causes<'a>(
     (options, all): (&DiagnoseOptions, &'a Catalogue),
 ) -> Result<Extended> {
     if let Some(mounts) = &setup
-        && let Some(gain) = gain_of_scatter(search, found)?
-        && gain > gain_of_free_form(search, found, all)? + LEAST_LOG_ODDS
+        && scatter_stands_out(search, found, all)?
     {
         let extended = Extended::nothing(search, found, mounts)?;
         let start = Start { plain, nominal, stated, options, extended: &extended, all };

@@ -21,7 +21,6 @@ use crate::diagnose::random_effects::outlier_tolerances::standing_out;
 use crate::diagnose::random_effects::small_errors::Kind;
 use crate::diagnose::selection::nonparametric::log_odds;
 use crate::diagnose::selection::pairwise_start::from_a_pair;
-use crate::diagnose::selection::scatter_evidence::gain_of_scatter;
 use crate::diagnose::selection::search::{Found, Search, SearchOptions};
 use crate::error::Result;
 
@@ -159,12 +158,7 @@ pub(crate) fn with_setup<'a>(
         }
         start = next.fit.model.clone();
         next.noise = search.effective(&start)?;
-        // Where joints rest elsewhere in each posture, more causes at this noise describe single postures.
-        let scattered = gain_of_scatter(&search, &next)?.is_some();
         result = Some(next);
-        if scattered {
-            break;
-        }
         if !again && setup.change_from(&before) < SPREADS_SETTLED {
             break;
         }
