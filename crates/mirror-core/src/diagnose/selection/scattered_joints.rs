@@ -24,23 +24,23 @@ use crate::diagnose::selection::with_setup::with_or_without_setup;
 use crate::error::Result;
 
 /// The result of a search beside the joints' scatter.
-pub(crate) struct BesideScatter<'a> {
-    pub search: Search<'a>,
-    pub found: Found,
-    pub extended: Extended,
+struct BesideScatter<'a> {
+    search: Search<'a>,
+    found: Found,
+    extended: Extended,
 }
 
 /// What a search beside the joints' scatter starts from.
-pub(crate) struct Start<'a, 's> {
+struct Start<'a, 's> {
     /// The search before any mount was set free.
-    pub plain: &'s Search<'a>,
-    pub nominal: &'s Model,
-    pub stated: Noise,
-    pub options: &'s DiagnoseOptions,
+    plain: &'s Search<'a>,
+    nominal: &'s Model,
+    stated: Noise,
+    options: &'s DiagnoseOptions,
     /// What was found beyond single causes.
-    pub extended: &'s Extended,
+    extended: &'s Extended,
     /// All hypotheses, free-form errors included.
-    pub all: &'a Catalogue,
+    all: &'a Catalogue,
 }
 
 /// What is found beyond single causes: free-form errors, small errors everywhere, a scatter of all joints. The search
@@ -83,7 +83,7 @@ pub(crate) fn beyond_single_causes<'a>(
 ///
 /// # Errors
 /// Invalid parameters of the camera or mirror.
-pub(crate) fn beside_scatter<'a>(
+fn beside_scatter<'a>(
     start: &Start<'a, '_>,
     search: &Search<'a>,
     found: &Found,
