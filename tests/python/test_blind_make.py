@@ -124,13 +124,13 @@ def test_a_known_degeneracy_is_found_and_a_clear_cause_is_not_called_tied() -> N
 
 
 def test_the_same_sessions_come_from_one_process_and_from_two(tmp_path: Path) -> None:
-    plan = [(f"s{i}", "small", ["joint_offset"]) for i in range(2)]
+    plan = [(f"s{i}", "small", ["joint_offset"]) for i in range(3)]
     told: list[tuple[str, int]] = []
-    one = make_cases(tmp_path / "one", 2, 5, FEW, plan)
+    one = make_cases(tmp_path / "one", 3, 5, FEW, plan)
     two = make_cases(
-        tmp_path / "two", 2, 5, FEW, plan, workers=2, progress=lambda n, left: told.append((n, left))
+        tmp_path / "two", 3, 5, FEW, plan, workers=2, progress=lambda n, left: told.append((n, left))
     )
-    assert sorted(n for n, _ in told) == ["s0", "s1"] and [left for _, left in told] == [1, 0]
+    assert sorted(n for n, _ in told) == ["s0", "s1", "s2"] and [left for _, left in told] == [2, 1, 0]
     for a, b in zip(one, two, strict=True):
         assert (a / "detections.csv").read_bytes() == (b / "detections.csv").read_bytes()
         answers = [json.loads((p.parent / "answers" / f"{p.name}.json").read_bytes()) for p in (a, b)]

@@ -25,9 +25,9 @@ from tracked_session import write_tracked
 
 @pytest.mark.filterwarnings("ignore")
 def test_mutated_calls_end_without_a_panic() -> None:
-    ends = native_calls.run(900, seed=7)
+    ends = native_calls.run(1500, seed=7)
     # A run in which nothing gets through, or nothing is refused, tests nothing.
-    assert ends["answer"] > 90 and ends["MirrorPostureError"] > 180 and ends["TypeError"] > 12
+    assert ends["answer"] > 150 and ends["MirrorPostureError"] > 300 and ends["TypeError"] > 20
 
 
 @pytest.fixture(scope="module")
@@ -38,7 +38,7 @@ def tracked(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_broken_sessions_end_in_an_error_or_an_answer(tracked: Path, tmp_path: Path) -> None:
-    ends = broken_sessions.run([tracked], 16, 5, tmp_path)
+    ends = broken_sessions.run([tracked], 24, 5, tmp_path)
     assert not [(end.what, end.faults, end.text) for end in ends if end.faults]
     assert {end.code for end in ends} >= {0, 1}
 

@@ -17,9 +17,10 @@ use crate::error::Result;
 /// Joints whose scatter alone is compared with that of all, the likeliest first.
 const ALONE: Size = 3;
 
-/// Whether a scatter of all joints is clearly more probable, beside what was found with free mounts, than anything else: than no
-/// more than that, any one free-form error of `all`, small errors everywhere (three times what linear models promise of these), and
-/// a scatter of one joint. A law that is missing leaves more than the noise beside it. What takes least work is asked first.
+/// Whether what was found with free mounts is clearly more probable beside a scatter of all joints than by itself, beside any one
+/// free-form error of `all` or small errors everywhere (each at three times the gain that its linear model predicts), and beside a
+/// scatter of one joint; and whether the scatter leaves no more than the noise, which a law that is missing would. The cheapest
+/// comparison comes first.
 ///
 /// # Errors
 /// Invalid parameters of the camera or mirror.
