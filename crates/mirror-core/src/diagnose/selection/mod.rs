@@ -7,6 +7,7 @@ pub(super) mod competing;
 pub(super) mod correlated_noise;
 pub(super) mod erratic_joint;
 pub(super) mod extended_models;
+mod far_larger;
 mod free_form_start;
 pub(super) mod large_members;
 pub(super) mod law_remainder;

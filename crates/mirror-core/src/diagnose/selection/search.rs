@@ -443,6 +443,8 @@ impl Search<'_> {
                 && !free(&terms[k])
         });
         let Some((i, k)) = pair.filter(|_| !self.problem.budget.is_spent()) else { return Ok(best) };
+        best = self.at_far_larger_scales(best, [i, k], noise)?;
+        let terms = &best.model.terms;
         let mut ranked = self.ranked(self.scored(sums, &best.model, noise)?, &[i, k]);
         // Of this joint alone: elsewhere others may rank higher at a law's width of zero, where the score test looks.
         let of_joint = |h: usize| self.catalogue.hypotheses[h].place.node() == node(&terms[i]);

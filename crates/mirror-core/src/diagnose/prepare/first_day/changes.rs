@@ -9,12 +9,14 @@
 //! wanders over the session looks like one that slipped ([`super::wandering`]): the evidence must be for the step.
 //!
 //! A lost zero moves what the joint carries like a slip along the joint's circle. It has one parameter, a slip three or
-//! six: the evidence decides. It is also compared with play or sticking at one joint ([`super::hysteresis`]), which
+//! six: the evidence decides. Of a joint that rests elsewhere in each posture there is less evidence than the rows say
+//! ([`super::posture_scatter`]). A lost zero is also compared with play or sticking at one joint ([`super::hysteresis`]), which
 //! looks like a change where the joint turns back.
 
 use super::by_frame::{Constant, Gain, Place, Sums, What, markers, moved, zeros};
 use super::hysteresis::{self, OfJoint};
 use super::mistake::{Changes, Mistake};
+use super::posture_scatter;
 use super::there_and_back::best_run;
 use super::verify::{Tolerant, smaller};
 use super::wandering::Wandering;
@@ -155,7 +157,11 @@ pub(super) fn find(problem: &Problem, frames: &[usize], least: Noise, zeros: boo
         let noise = smaller(noise, play.noise);
         odds = odds.min(fit.log_evidence(noise)? - play.log_evidence(noise)?);
     }
-    if odds <= BEYOND_DOUBT {
+    let scatter = match best.what {
+        What::Zero(node) => posture_scatter::factor(&fit, node)?,
+        What::Slips(_) => 1.0,
+    };
+    if odds <= BEYOND_DOUBT * scatter {
         return Ok(None);
     }
     // Where it is, and where what is smooth in time gains most.

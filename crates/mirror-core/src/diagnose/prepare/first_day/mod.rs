@@ -48,6 +48,7 @@ mod other_position;
 mod outlying;
 mod permuted;
 mod placed;
+mod posture_scatter;
 mod reported;
 mod resolutions;
 mod single_cause;
