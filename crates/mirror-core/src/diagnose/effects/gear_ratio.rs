@@ -35,6 +35,10 @@ impl Effect for GearRatio {
         true
     }
 
+    fn may_be_of_another_part(&self) -> bool {
+        true
+    }
+
     fn words(&self) -> &str {
         "the joint turns by a fixed percentage too much or too little"
     }

@@ -31,6 +31,10 @@ impl Effect for JointOffset {
         vec![Column { atom: Atom::Joint(n), weight: Weight::One }]
     }
 
+    fn may_be_of_another_part(&self) -> bool {
+        true
+    }
+
     fn words(&self) -> &str {
         "the zero of the joint is wrong by a constant"
     }

@@ -36,6 +36,10 @@ impl Effect for LinkLength {
         (0..3).map(|k| Column::constant(Atom::LinkShift(place.node(), k))).collect()
     }
 
+    fn may_be_of_another_part(&self) -> bool {
+        true
+    }
+
     fn words(&self) -> &str {
         "the link's length or shape differs from the model's: everything that it carries is displaced"
     }

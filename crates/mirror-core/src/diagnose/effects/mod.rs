@@ -242,6 +242,11 @@ pub(crate) trait Effect: Send + Sync {
         false
     }
 
+    /// Whether it can also be far larger than the prior says: where another gear box or part was built in.
+    fn may_be_of_another_part(&self) -> bool {
+        false
+    }
+
     /// The simpler effect that it is equivalent to at these parameters, and that effect's parameters: where its own part is 0.
     fn comes_down_to(&self, _parameters: &[f64]) -> Option<(&'static str, Vec<f64>)> {
         None

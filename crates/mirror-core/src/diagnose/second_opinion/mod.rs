@@ -21,13 +21,13 @@
 //! | the observations left out as false lie together | searches in the same way | explains everything and leaves out less than half of them |
 //!
 //! All diagnoses of a session share one budget of work. Where it is used up no further one begins, and the result says
-//! so. A second diagnosis that ended at the limit is accepted only if it explains everything or leaves no larger gap.
+//! so: what was left out as false and lies together is then something unexplained. A second diagnosis that ended at the limit is accepted only if it explains everything or leaves no larger gap.
 
 mod reason;
 #[cfg(test)]
 mod tests;
 
-use crate::diagnose::data::diagnosis::{Cause, Diagnosis, Verdict};
+use crate::diagnose::data::diagnosis::{Cause, Diagnosis, Verdict, Where};
 use crate::diagnose::data::recording::Recording;
 use crate::diagnose::likelihood::probability::unfinished;
 use crate::diagnose::pipeline::{self, Outcome};
@@ -44,6 +44,7 @@ use reason::{
     LATE, Reason, explains, hardly_slipped, has_no_size, is_late_by_nothing, is_of_a_column, left,
     slip_together, takes_most,
 };
+use std::collections::BTreeMap;
 
 /// Diagnoses a recording: where the model is wrong, which effect causes it, how far the gap shrinks.
 ///
@@ -133,6 +134,9 @@ fn accepted(
     }
     for reason in Reason::all(&found, recording, &mistakes) {
         if is_over(&mut found) {
+            if reason == Reason::FalseTogether {
+                doubt_what_is_false(&mut found.diagnosis);
+            }
             break;
         }
         let known = FirstResult { sought: reason.seeks(), ..found.known.clone() };
@@ -185,6 +189,24 @@ fn is_over(found: &mut Outcome) -> bool {
         }
     }
     over
+}
+
+/// What was left out as false lies together, and no second diagnosis looked at it: what it leaves explained is a part. Its place is the
+/// marker that was left out most.
+fn doubt_what_is_false(diagnosis: &mut Diagnosis) {
+    let mut counts: BTreeMap<&str, usize> = BTreeMap::new();
+    let false_ones = diagnosis.data.left_out.iter().filter(|left| left.is_false());
+    false_ones.for_each(|left| *counts.entry(&left.target).or_default() += 1);
+    let Some((marker, count)) = counts.into_iter().max_by_key(|of| of.1) else { return };
+    let at = format!("marker:{marker}");
+    diagnosis.sentence += &format!(
+        " But {count} observations of {at} were left out as false, and lie together, which false detections do not: something moves it \
+         there that these causes do not describe."
+    );
+    diagnosis.verdict = Verdict::Partial;
+    if diagnosis.r#where.iter().all(|place| place.at != at) {
+        diagnosis.r#where.push(Where { at, share: 0.0, depends_on: None });
+    }
 }
 
 /// What the warning says where the budget did not suffice for a second diagnosis.

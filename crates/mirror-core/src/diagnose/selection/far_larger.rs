@@ -2,7 +2,7 @@
 //!
 //! A Gaussian prior then is what is wrong. `½ (v/σ)²` costs more than a second cause that takes a part of v: over a short range
 //! `e q + s sin q` is a ratio of `e + s`. So the scale of its prior is learned: `σ` times its deviations, the
-//! likeliest scale of a single value. Whether the second cause is needed beside it is decided by the odds, as for any other.
+//! likeliest scale of a single value, where another part can be the reason. Whether the second cause is needed beside it is decided by the odds, as for any other.
 
 use crate::diagnose::likelihood::fit::Fit;
 use crate::diagnose::model::problem::Noise;
@@ -12,13 +12,14 @@ use crate::diagnose::selection::search::Search;
 use crate::error::Result;
 
 impl Search<'_> {
-    /// The model with its own scales for those of two causes that are far larger than their priors.
+    /// The model with its own scales for those of two causes that are far larger than their priors, and may be.
     pub(super) fn at_far_larger_scales(&self, mut best: Fit, pair: [usize; 2], noise: Noise) -> Result<Fit> {
         let mut changed = false;
         for i in pair {
             let term = &mut best.model.terms[i];
+            let may_be = self.catalogue.effect(term.hypothesis).may_be_of_another_part();
             let deviations = self.catalogue.deviations(term);
-            if deviations > FAR_DEVIATIONS * term.prior_scale {
+            if may_be && deviations > FAR_DEVIATIONS * term.prior_scale {
                 (term.prior_scale, changed) = (deviations, true);
             }
         }
