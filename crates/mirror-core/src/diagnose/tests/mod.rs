@@ -5,6 +5,7 @@
 mod adequacy;
 pub(super) mod column_world;
 mod false_together;
+mod far_larger;
 #[path = "../../../../../tests/rust/gap_world/mod.rs"]
 #[allow(dead_code)]
 pub(super) mod gap_world;
