@@ -157,11 +157,12 @@ pub(super) fn find(problem: &Problem, frames: &[usize], least: Noise, zeros: boo
         let noise = smaller(noise, play.noise);
         odds = odds.min(fit.log_evidence(noise)? - play.log_evidence(noise)?);
     }
-    let scatter = match best.what {
-        What::Zero(node) => posture_scatter::factor(&fit, node)?,
-        What::Slips(_) => 1.0,
-    };
-    if odds <= BEYOND_DOUBT * scatter {
+    if odds <= BEYOND_DOUBT {
+        return Ok(None);
+    }
+    if let What::Zero(node) = best.what
+        && !posture_scatter::is_beyond(&fit, node, (best.rows.start, best.motion[LAST]))?
+    {
         return Ok(None);
     }
     // Where it is, and where what is smooth in time gains most.

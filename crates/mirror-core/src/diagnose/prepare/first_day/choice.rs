@@ -96,7 +96,7 @@ pub(super) fn chosen(
     weighed.beside_friction(&mut values, &mut log_odds, sought)?;
     let coupling = weighed.beside_a_coupling(&mut values, &mut log_odds, sought)?;
     weighed.with_markers_in_place(&mut values, &mut log_odds)?;
-    weighed.beside_scattered_postures(&mut log_odds, sought)?;
+    weighed.beside_scattered_postures(&mut log_odds)?;
     let best = best_of(&log_odds);
     let mistakes = weighed.with_delays(best);
     let Weighed { chains: tried, fits, .. } = weighed;
@@ -333,27 +333,24 @@ impl<'a> Weighed<'a> {
         Ok(Some(of_none.told))
     }
 
-    /// Where a joint seems to have another zero from a row on: whether that is more probable than the chain without it even if the
-    /// joint's scatter from posture to posture is allowed for ([`posture_scatter`]). If not, it is out of the question.
-    fn beside_scattered_postures(&self, log_odds: &mut [f64], sought: bool) -> Result<()> {
-        let best = best_of(log_odds);
-        let own = &self.chains[best].mistakes;
-        let Some(zero) = own.iter().find(|mistake| matches!(mistake, Mistake::ZeroLost { .. })) else {
-            return Ok(());
-        };
-        let is_without = |chain: &Chain| chain.mistakes.iter().all(|m| m != zero && own.contains(m));
-        let without = (0..log_odds.len()).filter(|&i| is_without(&self.chains[i]));
-        let most = without.map(|i| log_odds[i]).fold(f64::NEG_INFINITY, f64::max);
-        let Mistake::ZeroLost { joint, .. } = *zero else { return Ok(()) };
-        if let (Some(fit), Some(node)) = (&self.fits[best], node_of(&self.session.problem, joint)) {
-            let scatter = posture_scatter::factor(fit, node)?;
-            let prior = log_prior(core::slice::from_ref(zero), sought);
-            if (log_odds[best] - prior - most) / scatter + prior < 0.0 {
-                log_odds[best] = f64::NEG_INFINITY;
-                return self.beside_scattered_postures(log_odds, sought);
+    /// Where a joint seems to have another zero from a row on: that is out of the question if the joint's scatter from posture to
+    /// posture may be the reason ([`posture_scatter`]).
+    fn beside_scattered_postures(&self, log_odds: &mut [f64]) -> Result<()> {
+        loop {
+            let best = best_of(log_odds);
+            let lost = self.chains[best].mistakes.iter().find_map(|mistake| match *mistake {
+                Mistake::ZeroLost { joint, first, offset } => Some((joint, first, offset)),
+                _ => None,
+            });
+            let (Some((joint, first, offset)), Some(fit)) = (lost, &self.fits[best]) else { return Ok(()) };
+            let Some(node) = node_of(fit.problem(), joint) else { return Ok(()) };
+            let change = offset * fit.problem().scene.body.nodes[node].command.1;
+            if log_odds[best] == f64::NEG_INFINITY || posture_scatter::is_beyond(fit, node, (first, change))?
+            {
+                return Ok(());
             }
+            log_odds[best] = f64::NEG_INFINITY;
         }
-        Ok(())
     }
 
     /// Log evidence of each chain at the smallest noise that any of them leaves, and the same with the mistakes' prior.
