@@ -21,7 +21,7 @@
 //! | the observations left out as false lie together | searches in the same way | explains everything and leaves out less than half of them |
 //!
 //! All diagnoses of a session share one budget of work. Where it is used up no further one begins, and the result says
-//! so: what was left out as false and lies together is then something unexplained. A second diagnosis that ended at the limit is accepted only if it explains everything or leaves no larger gap.
+//! so: what was left out as false and lies together at one marker is then something unexplained. A second diagnosis that ended at the limit is accepted only if it explains everything or leaves no larger gap.
 
 mod reason;
 #[cfg(test)]
@@ -35,7 +35,7 @@ use crate::diagnose::prepare::first_day::{Memory, Suspects};
 use crate::diagnose::prepare::first_result::FirstResult;
 use crate::diagnose::prepare::options::{DiagnoseOptions, OtherSession};
 use crate::diagnose::prepare::prepared::Prepared;
-use crate::diagnose::principles::UNTHOUGHT_OF;
+use crate::diagnose::principles::{NEARLY_ALL, UNTHOUGHT_OF};
 use crate::diagnose::report::board_shape::tell;
 use crate::diagnose::report::reservations::LIMIT_REACHED;
 use crate::error::Result;
@@ -191,13 +191,18 @@ fn is_over(found: &mut Outcome) -> bool {
     over
 }
 
-/// What was left out as false lies together, and no second diagnosis looked at it: what it leaves explained is a part. Its place is the
-/// marker that was left out most.
+/// What was left out as false lies together, nearly all of it at one marker, and no second diagnosis looked at it: what it leaves
+/// explained is a part. Its place is that marker.
 fn doubt_what_is_false(diagnosis: &mut Diagnosis) {
     let mut counts: BTreeMap<&str, usize> = BTreeMap::new();
     let false_ones = diagnosis.data.left_out.iter().filter(|left| left.is_false());
     false_ones.for_each(|left| *counts.entry(&left.target).or_default() += 1);
+    let all: usize = counts.values().sum();
     let Some((marker, count)) = counts.into_iter().max_by_key(|of| of.1) else { return };
+    // Of several markers on one limb: a play that is on its other side, which friction may leave anywhere.
+    if (count as f64) < NEARLY_ALL * all as f64 {
+        return;
+    }
     let at = format!("marker:{marker}");
     diagnosis.sentence += &format!(
         " But {count} observations of {at} were left out as false, and lie together, which false detections do not: something moves it \
