@@ -28,6 +28,7 @@ mod reason;
 mod tests;
 
 use crate::diagnose::data::diagnosis::{Cause, Diagnosis, Verdict, Where};
+use crate::diagnose::data::left_out::LeftOut;
 use crate::diagnose::data::recording::Recording;
 use crate::diagnose::likelihood::probability::unfinished;
 use crate::diagnose::pipeline::{self, Outcome};
@@ -194,15 +195,7 @@ fn is_over(found: &mut Outcome) -> bool {
 /// What was left out as false lies together, nearly all of it at one marker, and no second diagnosis looked at it: what it leaves
 /// explained is a part. Its place is that marker.
 fn doubt_what_is_false(diagnosis: &mut Diagnosis) {
-    let mut counts: BTreeMap<&str, usize> = BTreeMap::new();
-    let false_ones = diagnosis.data.left_out.iter().filter(|left| left.is_false());
-    false_ones.for_each(|left| *counts.entry(&left.target).or_default() += 1);
-    let all: usize = counts.values().sum();
-    let Some((marker, count)) = counts.into_iter().max_by_key(|of| of.1) else { return };
-    // Of several markers on one limb: a play that is on its other side, which friction may leave anywhere.
-    if (count as f64) < NEARLY_ALL * all as f64 {
-        return;
-    }
+    let Some((marker, count)) = nearly_all_at_one(&diagnosis.data.left_out) else { return };
     let at = format!("marker:{marker}");
     diagnosis.sentence += &format!(
         " But {count} observations of {at} were left out as false, and lie together, which false detections do not: something moves it \
@@ -212,6 +205,16 @@ fn doubt_what_is_false(diagnosis: &mut Diagnosis) {
     if diagnosis.r#where.iter().all(|place| place.at != at) {
         diagnosis.r#where.push(Where { at, share: 0.0, depends_on: None });
     }
+}
+
+/// The marker that nearly all of what was left out as false is of, with their number; none where it is of several, as of all on a limb
+/// whose play is on its other side, which friction may leave anywhere.
+fn nearly_all_at_one(left_out: &[LeftOut]) -> Option<(&str, usize)> {
+    let mut counts: BTreeMap<&str, usize> = BTreeMap::new();
+    let false_ones = left_out.iter().filter(|left| left.is_false());
+    false_ones.for_each(|left| *counts.entry(&left.target).or_default() += 1);
+    let all: usize = counts.values().sum();
+    counts.into_iter().max_by_key(|of| of.1).filter(|of| of.1 as f64 >= NEARLY_ALL * all as f64)
 }
 
 /// What the warning says where the budget did not suffice for a second diagnosis.

@@ -1,10 +1,12 @@
-//! Which results of a first diagnosis are a reason for a second one.
+//! Which results of a first diagnosis are a reason for a second one, and what is told where no work is left for it.
 
+use super::nearly_all_at_one;
 use super::reason::{
     FIRST_FRAME, LATE, Reason, SLIP, hardly_slipped, is_late_by_nothing, is_of_no_size, is_told_twice,
     is_turned_in_vain, slip_together,
 };
 use crate::diagnose::data::diagnosis::{Cause, Estimate, Verdict};
+use crate::diagnose::data::left_out::{LeftOut, Reason as Why};
 
 fn cause(effect: &str, at: &str) -> Cause {
     Cause {
@@ -97,4 +99,18 @@ fn gravity_that_was_turned_and_leaves_something_is_asked_of_twice() {
     // Springs among small errors everywhere are none by themselves.
     assert!(is_turned_in_vain(&[gravity, cause("geometry", "robot")], Verdict::Explained, 3.0));
     assert_eq!(Reason::Gravity.without(), ["gravity_direction"]);
+}
+
+#[test]
+fn what_is_false_of_one_marker_is_doubted_and_of_a_whole_limb_is_not() {
+    let left = |target: &str, count: usize, why: Why| {
+        let one = LeftOut { frame: 1, target: target.into(), deviations: Some(9.0), why };
+        vec![one; count]
+    };
+    let hand = left("l_hand", 27, Why::FarFromModel);
+    let forearm = |count| left("l_forearm", count, Why::FarFromModel);
+    let board = left("board", 90, Why::FewCorners { got: 2, needed: 12 });
+    assert_eq!(nearly_all_at_one(&[hand.clone(), forearm(9), board.clone()].concat()), Some(("l_hand", 27)));
+    assert_eq!(nearly_all_at_one(&[hand, forearm(10)].concat()), None);
+    assert_eq!(nearly_all_at_one(&board), None);
 }
