@@ -2,6 +2,7 @@
 
 use super::gap_world::{Plan, World, Wrong};
 use super::prior::{NOISE, search};
+use super::shortcuts::named;
 use crate::diagnose::effects::hypothesis::{Catalogue, Model};
 use crate::diagnose::effects::vocabulary;
 use crate::diagnose::model::problem::Problem;
@@ -17,10 +18,8 @@ fn another_ratio_is_not_shared_with_an_eccentric_gear() {
     let problem = Problem::new(&robot, &world.record(&plan)).unwrap();
     let gears = vocabulary().into_iter().filter(|effect| effect.name().starts_with("gear_"));
     let catalogue = Catalogue::new(&problem.scene, gears.map(Arc::from).collect(), &[]);
-    let named = |name: &str| {
-        (0..catalogue.hypotheses.len()).find(|&h| catalogue.name(&problem.scene, h) == name).unwrap()
-    };
-    let [ratio, eccentric] = ["gear_ratio@joint:r_elbow", "gear_eccentricity@joint:r_elbow"].map(named);
+    let [ratio, eccentric] = ["gear_ratio@joint:r_elbow", "gear_eccentricity@joint:r_elbow"]
+        .map(|name| named(&problem, &catalogue, name));
     let mut search = search(&problem, &catalogue);
     let fitted = |causes: &[usize]| {
         let model = causes.iter().fold(Model::nominal(&problem), |m, &h| m.with(&catalogue, h, 0.0));

@@ -2,14 +2,13 @@
 
 use super::gap_world::{Plan, World, Wrong};
 use super::prior::{NOISE, search};
-use crate::diagnose::effects::hypothesis::{Catalogue, Model};
-use crate::diagnose::effects::vocabulary;
+use super::shortcuts::{catalogue, named};
+use crate::diagnose::effects::hypothesis::Model;
 use crate::diagnose::model::problem::Problem;
 use crate::diagnose::selection::near_ties::from_near_ties;
 use crate::diagnose::selection::pairwise_start::{Pair, start_from};
 use crate::diagnose::selection::search::Found;
 use crate::robot::Robot;
-use std::sync::Arc;
 
 #[test]
 fn what_a_tilt_stands_for_is_found_from_the_zero_that_was_as_likely_once() {
@@ -19,17 +18,14 @@ fn what_a_tilt_stands_for_is_found_from_the_zero_that_was_as_likely_once() {
         vec![Wrong::Offset(world.bone("r_elbow"), 0.03), Wrong::Ratio(world.bone("r_shoulder_yaw"), 0.04)];
     let plan = Plan { postures: 24, noise_px: 0.15, wrong, ..Plan::default() };
     let problem = Problem::new(&robot, &world.record(&plan)).unwrap();
-    let catalogue = Catalogue::new(&problem.scene, vocabulary().into_iter().map(Arc::from).collect(), &[]);
-    let named = |name: &str| {
-        (0..catalogue.hypotheses.len()).find(|&h| catalogue.name(&problem.scene, h) == name).unwrap()
-    };
+    let catalogue = catalogue(&problem);
     let [zero, ratio, tilt, glass] = [
         "joint_offset@joint:r_elbow",
         "gear_ratio@joint:r_shoulder_yaw",
         "axis_tilt@joint:r_shoulder_yaw",
         "mirror_glass@mirror",
     ]
-    .map(named);
+    .map(|name| named(&problem, &catalogue, name));
     let one = |hypothesis: usize| Model::nominal(&problem).with(&catalogue, hypothesis, 0.0);
     let from = |taken: usize, other: usize| {
         let mut search = search(&problem, &catalogue);
@@ -64,13 +60,11 @@ fn a_pair_that_leads_to_a_mirror_which_cannot_be_is_no_start() {
     let world = World::new(4, true);
     let robot = Robot::from_urdf_str(&world.urdf()).unwrap();
     let problem = Problem::new(&robot, &world.record(&Plan { postures: 8, ..Plan::default() })).unwrap();
-    let catalogue = Catalogue::new(&problem.scene, vocabulary().into_iter().map(Arc::from).collect(), &[]);
-    let named = |name: &str| {
-        (0..catalogue.hypotheses.len()).find(|&h| catalogue.name(&problem.scene, h) == name).unwrap()
-    };
+    let catalogue = catalogue(&problem);
     let search = search(&problem, &catalogue);
     let started = |thickness_m: f64| {
-        let hypotheses = [named("joint_offset@joint:r_elbow"), named("mirror_glass@mirror")];
+        let hypotheses = ["joint_offset@joint:r_elbow", "mirror_glass@mirror"]
+            .map(|name| named(&problem, &catalogue, name));
         let pair = Pair { hypotheses, parameters: [0.01, thickness_m], log_bayes: 1.0 };
         start_from(&search, &Model::nominal(&problem), &pair)
     };

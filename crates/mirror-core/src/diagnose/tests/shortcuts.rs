@@ -24,12 +24,12 @@ fn problem() -> Problem {
     Problem::new(&robot, &world.record(&plan)).unwrap()
 }
 
-fn catalogue(problem: &Problem) -> Catalogue {
+pub(super) fn catalogue(problem: &Problem) -> Catalogue {
     Catalogue::new(&problem.scene, vocabulary().into_iter().map(Arc::from).collect(), &[])
 }
 
 /// A hypothesis by its name.
-fn named(problem: &Problem, catalogue: &Catalogue, name: &str) -> usize {
+pub(super) fn named(problem: &Problem, catalogue: &Catalogue, name: &str) -> usize {
     (0..catalogue.hypotheses.len()).find(|&h| catalogue.name(&problem.scene, h) == name).unwrap()
 }
 
