@@ -3,7 +3,7 @@
 use crate::diagnose::criteria::fit_without_each::fit_without_each;
 use crate::diagnose::criteria::regions::{frames_of, only, regions};
 use crate::diagnose::effects::hypothesis::{Catalogue, Model};
-use crate::diagnose::likelihood::fit::{FitOptions, Group};
+use crate::diagnose::likelihood::fit::{FitOptions, Group, Until};
 use crate::diagnose::likelihood::saturated::{FreePosture, free_markers};
 use crate::diagnose::model::deformation::Deformation;
 use crate::diagnose::model::problem::{Noise, Problem};
@@ -45,7 +45,8 @@ pub(crate) fn held_out(
         vec![model.clone(); frames_of(&labels).len()]
     } else {
         let options = FitOptions { noise, steps: SOLVER.candidate_steps };
-        let fits = fit_without_each(problem, catalogue, group, model, options, &labels)?;
+        let fits =
+            fit_without_each(problem, catalogue, group, model, options, &labels, Until::WithinDeviations)?;
         fits.into_iter().map(|fit| fit.model).collect()
     };
     let parts = fitted

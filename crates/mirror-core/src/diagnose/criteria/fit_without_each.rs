@@ -1,18 +1,19 @@
 //! The fits of one model without each part of the frames, as cross-validation needs them.
 //!
 //! All begin at the same parameters. There the normal equations of all frames but a part's are those of the other parts added
-//! up: `H₋ᵣ = Σ Hₛ, s ≠ r`. So their first step together takes one pass over the frames, not one for each part.
+//! up: `H₋ᵣ = Σ Hₛ, s ≠ r`. So their first step together takes one pass over the frames, not one for each part; mostly it is
+//! the only one ([`Until::WithinDeviations`]), from the fit to all frames.
 
 use crate::diagnose::criteria::regions::{all_but, frames_of, only};
 use crate::diagnose::effects::hypothesis::{Catalogue, Model};
-use crate::diagnose::likelihood::fit::{Fit, FitOptions, Group, fit, fit_on, linearise};
+use crate::diagnose::likelihood::fit::{Fit, FitOptions, Group, Until, fit, fit_on, linearise};
 use crate::diagnose::likelihood::normal_equations::Normal;
 use crate::diagnose::model::problem::Problem;
 use crate::error::Result;
 use rayon::prelude::*;
 
 /// The model fitted to all frames but each part's; `labels`: the part of each frame, counted from 0. A single part is fitted to
-/// itself.
+/// itself, to its best.
 ///
 /// # Errors
 /// Invalid parameters of the camera or mirror.
@@ -23,6 +24,7 @@ pub(crate) fn fit_without_each(
     start: &Model,
     options: FitOptions,
     labels: &[usize],
+    until: Until,
 ) -> Result<Vec<Fit>> {
     let count = frames_of(labels).len();
     if count < 2 {
@@ -38,7 +40,7 @@ pub(crate) fn fit_without_each(
         let others = parts.iter().enumerate().filter(|(other, _)| *other != part);
         let normal = Normal::of_parts(&others.map(|(_, (normal, _))| normal).collect::<Vec<_>>());
         let first = (start, (normal, parts[part].1.clone()));
-        fit_on(problem, catalogue, group, first, options, Some(&all_but(labels, part)), f64::INFINITY)
+        fit_on(problem, catalogue, group, first, options, Some(&all_but(labels, part)), until)
     };
     Ok((0..count).into_par_iter().map(without).collect())
 }

@@ -38,6 +38,30 @@ pub(crate) struct FitOptions {
     pub steps: usize,
 }
 
+/// When a fit ends.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) enum Until {
+    /// Once a step gains almost nothing, or once it is clear that the misfit will not come below this.
+    Least { hopeless: f64 },
+    /// Once a step gains no more than a deviation of each parameter, `gᵀ H⁻¹ g ≤ n`: it is taken without another evaluation,
+    /// because the linear model holds as far as the covariance does. For what needs values, and no evidence.
+    WithinDeviations,
+}
+
+impl Until {
+    /// The gain of a step of so many parameters that is taken without another evaluation.
+    fn unseen(self, parameters: usize) -> f64 {
+        match self {
+            Self::Least { .. } => SOLVER.last_gain,
+            Self::WithinDeviations => (parameters as f64).max(SOLVER.last_gain),
+        }
+    }
+
+    fn is_hopeless(self, misfit: f64) -> bool {
+        matches!(self, Self::Least { hopeless } if misfit > hopeless)
+    }
+}
+
 /// A fitted model.
 #[derive(Debug, Clone)]
 pub(crate) struct Fit {
@@ -201,12 +225,28 @@ pub(crate) fn fit_below(
     mask: Option<&[bool]>,
     hopeless: f64,
 ) -> Result<Fit> {
-    let planes = start.planes.as_deref();
-    let first = linearise(problem, catalogue, group, start, options.noise, planes, mask)?;
-    Ok(fit_on(problem, catalogue, group, (start, first), options, mask, hopeless))
+    fit_until(problem, catalogue, group, start, options, mask, Until::Least { hopeless })
 }
 
-/// As [`fit_below`], from a model that is linearised already.
+/// As [`fit`], until it is good enough.
+///
+/// # Errors
+/// Invalid parameters of the camera or mirror.
+pub(crate) fn fit_until(
+    problem: &Problem,
+    catalogue: &Catalogue,
+    group: &Group,
+    start: &Model,
+    options: FitOptions,
+    mask: Option<&[bool]>,
+    until: Until,
+) -> Result<Fit> {
+    let planes = start.planes.as_deref();
+    let first = linearise(problem, catalogue, group, start, options.noise, planes, mask)?;
+    Ok(fit_on(problem, catalogue, group, (start, first), options, mask, until))
+}
+
+/// As [`fit_until`], from a model that is linearised already.
 pub(crate) fn fit_on(
     problem: &Problem,
     catalogue: &Catalogue,
@@ -214,7 +254,7 @@ pub(crate) fn fit_on(
     (start, (mut normal, mut active)): (&Model, (Normal, Active)),
     options: FitOptions,
     mask: Option<&[bool]>,
-    hopeless: f64,
+    until: Until,
 ) -> Fit {
     let mut model = start.clone();
     let mut damping = 1e-9;
@@ -228,12 +268,12 @@ pub(crate) fn fit_on(
         let mut moved = false;
         for _ in 0..6 {
             let Some((step, gain)) = step(&normal, &active, damping, secant.as_ref()) else { break };
-            if taken > 0 && current - SOLVER.most_hoped * gain > hopeless {
+            if taken > 0 && until.is_hopeless(current - SOLVER.most_hoped * gain) {
                 break;
             }
             let values = active.values_moved_by(&step);
             let next = active.model(&model, &values);
-            if gain < SOLVER.last_gain {
+            if gain < until.unseen(active.values.len()) {
                 // It may lead out of what a camera or a mirror can be: a pane at its largest thickness.
                 if problem.eye(&next.deformation(problem, catalogue, &group.columns)).is_err() {
                     break;

@@ -11,7 +11,7 @@ use crate::diagnose::criteria::fit_without_each::fit_without_each;
 use crate::diagnose::criteria::regions::{all_but, only, regions};
 use crate::diagnose::data::diagnosis::{Cause, GapStep};
 use crate::diagnose::effects::hypothesis::Model;
-use crate::diagnose::likelihood::fit::{Fit, FitOptions, fit};
+use crate::diagnose::likelihood::fit::{Fit, FitOptions, Until, fit};
 use crate::diagnose::model::solver::SOLVER;
 use crate::error::Result;
 use rayon::prelude::*;
@@ -69,7 +69,15 @@ fn sizes(findings: &Findings<'_>, parts: &[Part], wanted: &[usize]) -> Result<Ve
     let (problem, model) = (findings.reported(), &findings.found.fit.model);
     let options = FitOptions { noise: findings.found.noise, steps: SOLVER.candidate_steps };
     let labels = regions(problem);
-    let fits = fit_without_each(problem, search.catalogue, &search.group, model, options, &labels)?;
+    let fits = fit_without_each(
+        problem,
+        search.catalogue,
+        &search.group,
+        model,
+        options,
+        &labels,
+        Until::WithinDeviations,
+    )?;
     let single = fits.len() == 1;
     let of_regions = fits
         .into_par_iter()

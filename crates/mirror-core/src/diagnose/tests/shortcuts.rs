@@ -4,7 +4,7 @@ use super::gap_world::{Plan, World, Wrong};
 use crate::diagnose::criteria::fit_without_each::fit_without_each;
 use crate::diagnose::effects::hypothesis::{Catalogue, Model, Term};
 use crate::diagnose::effects::vocabulary;
-use crate::diagnose::likelihood::fit::{Active, FitOptions, Group, fit};
+use crate::diagnose::likelihood::fit::{Active, FitOptions, Group, Until, fit};
 use crate::diagnose::likelihood::linearised::Linearised;
 use crate::diagnose::likelihood::normal_equations::Normal;
 use crate::diagnose::likelihood::score_test::{Score, screen};
@@ -67,6 +67,7 @@ fn fits_without_each_part_are_the_fits_to_the_others() {
     let catalogue = catalogue(&problem);
     let none = Group::default();
     let options = FitOptions { noise: NOISE, steps: 4 };
+    let least = Until::Least { hopeless: f64::INFINITY };
     // Parts whose frames lie among each other's.
     let labels: Vec<usize> = (0..problem.frames.len()).map(|frame| (frame + frame / 3) % 3).collect();
     for others in [vec![], vec!["camera_focal@camera", "mirror_curvature@mirror"]] {
@@ -79,8 +80,16 @@ fn fits_without_each_part_are_the_fits_to_the_others() {
             start = start.with(&catalogue, named(&problem, &catalogue, other), 0.0);
         }
         let start = fit(&problem, &catalogue, &none, &start, options, None).unwrap().model;
-        let all = fit_without_each(&problem, &catalogue, &none, &start, options, &labels).unwrap();
+        let all = fit_without_each(&problem, &catalogue, &none, &start, options, &labels, least).unwrap();
         assert_eq!(all.len(), 3);
+        let spent = |until: Until| {
+            let before = problem.budget.share();
+            let fits =
+                fit_without_each(&problem, &catalogue, &none, &start, options, &labels, until).unwrap();
+            (fits, problem.budget.share() - before)
+        };
+        let ((_, exactly), (quick, once)) = (spent(least), spent(Until::WithinDeviations));
+        assert!(once < 0.5 * exactly, "{once:e} of {exactly:e}");
         for (part, fitted) in all.iter().enumerate() {
             let mask: Vec<bool> = labels.iter().map(|label| *label != part).collect();
             let alone = fit(&problem, &catalogue, &none, &start, options, Some(&mask)).unwrap();
@@ -90,6 +99,12 @@ fn fits_without_each_part_are_the_fits_to_the_others() {
                 let moved = (one.parameters[0] - other.parameters[0]).abs() / alone.stds(i)[0];
                 assert!(moved < 1e-6, "{moved:e} deviations");
             }
+            // With one step as well as a deviation tells: by a hundredth of it.
+            for (i, (one, other)) in quick[part].model.terms.iter().zip(&alone.model.terms).enumerate() {
+                let moved = (one.parameters[0] - other.parameters[0]).abs() / alone.stds(i)[0];
+                assert!(moved < 0.01, "{moved:e} deviations");
+            }
+            assert!((quick[part].misfit - alone.misfit).abs() < 0.01);
             // Not the fit to all frames.
             let moved = (fitted.model.terms[0].parameters[0] - start.terms[0].parameters[0]).abs();
             assert!(moved > 0.01 * alone.stds(0)[0], "{moved:e} rad");
@@ -102,7 +117,7 @@ fn fits_without_each_part_are_the_fits_to_the_others() {
         named(&problem, &catalogue, "joint_offset@joint:r_elbow"),
         0.0,
     );
-    assert_eq!(fit_without_each(&problem, &catalogue, &none, &start, options, &one).unwrap().len(), 1);
+    assert_eq!(fit_without_each(&problem, &catalogue, &none, &start, options, &one, least).unwrap().len(), 1);
 }
 
 /// A camera that looks elsewhere finds no board in any mirror: its frames must not be cheaper than frames that are seen badly.

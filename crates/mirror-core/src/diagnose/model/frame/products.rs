@@ -8,6 +8,8 @@ use nalgebra::{Matrix3, Vector3};
 pub(crate) const PROJECTED: Size = 3;
 /// Numbers that are handled at once: tables are as wide as a multiple of it.
 pub(crate) const LANES: Size = 8;
+/// Columns whose products with [`LANES`] others are summed at once: so many sums stay in sixteen registers of four numbers.
+const TILE: Size = 4;
 /// Rows that are marked in one number.
 const BITS: Size = u64::BITS as usize;
 
@@ -168,9 +170,9 @@ pub(crate) fn add_products(left: Filled<'_>, right: Filled<'_>, half: bool, sums
 #[multiversion(targets("x86_64+avx512f", "x86_64+avx2"))]
 fn add_tiles(left: &Table, right: &Table, half: bool, sums: &mut [f64]) {
     let stride = right.stride;
-    for j in (0..left.columns).step_by(LANES) {
-        let few = LANES.min(left.columns - j);
-        let end = if half { j + LANES } else { stride };
+    for j in (0..left.columns).step_by(TILE) {
+        let few = TILE.min(left.columns - j);
+        let end = if half { (j + TILE).next_multiple_of(LANES) } else { stride };
         for i in (0..end).step_by(LANES) {
             let tile = products_of((left, j), (right, i));
             for (k, tile) in tile[..few].iter().enumerate() {
@@ -181,31 +183,35 @@ fn add_tiles(left: &Table, right: &Table, half: bool, sums: &mut [f64]) {
     }
 }
 
-/// The products of [`LANES`] columns, from the j-th on, with as many others. A sum for each column by name: only these stay in registers.
+/// The products of [`TILE`] columns, from the j-th on, with [`LANES`] others. A sum for each column by name: only these stay in
+/// registers.
 #[inline(always)]
-fn products_of((left, j): (&Table, usize), (right, i): (&Table, usize)) -> [[f64; LANES]; LANES] {
+fn products_of((left, j): (&Table, usize), (right, i): (&Table, usize)) -> [[f64; LANES]; TILE] {
     let none = [0.0; LANES];
     let (mut a, mut b, mut c, mut d) = (none, none, none, none);
-    let (mut e, mut f, mut g, mut h) = (none, none, none, none);
-    for (word, (one, other)) in left.filled_from(j).iter().zip(right.filled_from(i)).enumerate() {
+    let (some, others) = (left.filled_from(j / LANES * LANES), right.filled_from(i));
+    for (word, (one, other)) in some.iter().zip(others).enumerate() {
         let mut bits = one & other;
         while bits != 0 {
             let row = word * BITS + bits.trailing_zeros() as usize;
             bits &= bits - 1;
-            let sign = if row < right.own { 1.0 } else { -1.0 };
-            let x = &left.values[row * left.stride + j..][..LANES];
+            let x = &left.values[row * left.stride + j..][..TILE];
             let y = &right.values[row * right.stride + i..][..LANES];
-            add_times(&mut a, sign * x[0], y);
-            add_times(&mut b, sign * x[1], y);
-            add_times(&mut c, sign * x[2], y);
-            add_times(&mut d, sign * x[3], y);
-            add_times(&mut e, sign * x[4], y);
-            add_times(&mut f, sign * x[5], y);
-            add_times(&mut g, sign * x[6], y);
-            add_times(&mut h, sign * x[7], y);
+            if row < right.own {
+                add_times(&mut a, x[0], y);
+                add_times(&mut b, x[1], y);
+                add_times(&mut c, x[2], y);
+                add_times(&mut d, x[3], y);
+            } else {
+                // Parts along the plane are taken off.
+                add_times(&mut a, -x[0], y);
+                add_times(&mut b, -x[1], y);
+                add_times(&mut c, -x[2], y);
+                add_times(&mut d, -x[3], y);
+            }
         }
     }
-    [a, b, c, d, e, f, g, h]
+    [a, b, c, d]
 }
 
 #[inline(always)]

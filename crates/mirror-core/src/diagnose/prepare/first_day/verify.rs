@@ -10,7 +10,7 @@
 use crate::diagnose::effects::hypothesis::{Catalogue, Model, Term};
 use crate::diagnose::effects::{Place, vocabulary};
 use crate::diagnose::likelihood::covariance::Covariance;
-use crate::diagnose::likelihood::fit::{Fit, FitOptions, Group, fit};
+use crate::diagnose::likelihood::fit::{Fit, FitOptions, Group, Until, fit_until};
 use crate::diagnose::likelihood::noise::SETTLED;
 use crate::diagnose::likelihood::score_test::{Score, screen};
 use crate::diagnose::model::deformation::Deformation;
@@ -159,7 +159,7 @@ impl Tolerant {
     /// Model and scale in turn.
     fn settle(&mut self, least: Noise) -> Result<()> {
         for _ in 0..SOLVER.rounds {
-            let fit = self.fit(self.noise, STEPS)?;
+            let fit = self.fit(self.noise, STEPS, Until::WithinDeviations)?;
             self.covariance = Some(fit.covariance);
             self.model = fit.model;
             let next = self.scale(&self.deformation(), least)?;
@@ -297,9 +297,9 @@ impl Tolerant {
         model.deformation(&self.problem, &self.causes, &columns)
     }
 
-    fn fit(&self, noise: Noise, steps: usize) -> Result<Fit> {
-        let options = FitOptions { noise, steps };
-        fit(&self.problem, &self.causes, &self.group, &self.model, options, Some(&self.mask))
+    fn fit(&self, noise: Noise, steps: usize, until: Until) -> Result<Fit> {
+        let (options, mask) = (FitOptions { noise, steps }, Some(self.mask.as_slice()));
+        fit_until(&self.problem, &self.causes, &self.group, &self.model, options, mask, until)
     }
 
     /// Log marginal likelihood at a noise.
@@ -307,7 +307,7 @@ impl Tolerant {
     /// # Errors
     /// Invalid parameters of camera or mirror.
     pub fn log_evidence(&mut self, noise: Noise) -> Result<f64> {
-        let fit = self.fit(noise, STEPS + 1)?;
+        let fit = self.fit(noise, STEPS + 1, Until::Least { hopeless: f64::INFINITY })?;
         self.model = fit.model;
         Ok(fit.log_evidence)
     }
