@@ -293,6 +293,8 @@ struct Scratch {
     atom_active: Vec<f64>,
     /// Products of the pairs of atoms.
     pair_products: Vec<f64>,
+    /// The columns of a candidate that act in the frame, with their weights.
+    acting: Vec<(usize, f64)>,
 }
 
 impl Scratch {
@@ -305,6 +307,7 @@ impl Scratch {
             atoms: Table::default(),
             atom_active: Vec::new(),
             pair_products: Vec::new(),
+            acting: Vec::new(),
         }
     }
 
@@ -349,22 +352,21 @@ impl Scratch {
         self.pair_products.clear();
         self.pair_products.resize(what.pairs.len(), 0.0);
         products_of_pairs(&self.by_atom, length, what.pairs, &mut self.pair_products);
-        let mut weights = Vec::new();
         for (candidate, sums) in what.candidates.iter().zip(&mut out.sums) {
             let columns = &candidate.columns;
-            weights.clear();
-            weights.extend(columns.iter().map(|(_, column)| column.weight.at(scene, frame)));
-            for (i, (a, _)) in columns.iter().enumerate() {
-                let w = weights[i];
-                if w == 0.0 {
-                    continue;
-                }
+            let weighed =
+                columns.iter().enumerate().map(|(i, (_, column))| (i, column.weight.at(scene, frame)));
+            // Of curves over a joint's positions few values act in a frame.
+            self.acting.clear();
+            self.acting.extend(weighed.filter(|(_, weight)| *weight != 0.0));
+            for (at, &(i, w)) in self.acting.iter().enumerate() {
+                let a = columns[i].0;
                 let products = &self.atom_active[a * stride..a * stride + count + 1];
                 sums.g[i] += w * products[count];
                 add_times(&mut sums.b.as_mut_slice()[i * count..(i + 1) * count], w, &products[..count]);
-                for j in i..columns.len() {
+                for &(j, other) in &self.acting[at..] {
                     sums.a[(i, j)] +=
-                        w * weights[j] * self.pair_products[candidate.products[i * columns.len() + j]];
+                        w * other * self.pair_products[candidate.products[i * columns.len() + j]];
                 }
             }
         }

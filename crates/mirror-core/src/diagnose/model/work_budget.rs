@@ -16,7 +16,7 @@ const FEWEST_FRAMES: usize = 200;
 /// The share of a search's work for each of its stages except that for named causes: free-form errors and small errors
 /// everywhere after it. What a stage does not use is left for later ones.
 pub(crate) const A_STAGE: f64 = 0.21;
-/// The share of a search's work that the rest of a diagnosis takes.
+/// The share of a search's work that the rest of a diagnosis takes, which no search may spend.
 const OF_ANOTHER: f64 = 0.3;
 /// The share above which chains of gross mistakes are made no longer, where none of them fits.
 pub(crate) const MUCH: f64 = 0.5;
@@ -101,19 +101,24 @@ impl WorkBudget {
         self.allow(1.0);
     }
 
+    /// Up to where searches may spend: the rest is for what assesses and reports the result.
+    fn of_searches(&self) -> u64 {
+        self.of_session - (OF_ANOTHER * self.of_one as f64) as u64
+    }
+
     /// Allows this search this share of what one may spend from its beginning on, to all clones; no more than the same share
     /// of what the diagnoses before it left of the session's: each stage keeps its part.
     pub fn allow(&self, share: f64) {
-        let left = self.of_session.saturating_sub(self.before);
+        let left = self.of_searches().saturating_sub(self.before);
         let part = (share * self.of_one.min(left) as f64) as u64;
         self.allowed.store(self.before + part, Ordering::Relaxed);
     }
 
-    /// Allows this search this share of what one may spend in addition to what is spent, within the session's work.
+    /// Allows this search this share of what one may spend in addition to what is spent, within what searches may spend.
     pub fn allow_more(&self, share: f64) {
         let spent = self.spent.load(Ordering::Relaxed);
         let part = (share * self.of_one as f64) as u64;
-        self.allowed.store((spent + part).min(self.of_session), Ordering::Relaxed);
+        self.allowed.store((spent + part).min(self.of_searches()), Ordering::Relaxed);
     }
 
     /// Counts work.
@@ -140,6 +145,13 @@ impl WorkBudget {
     /// The share of one search that was spent since the diagnosis or its search began; above 1 where what had begun went on.
     pub fn share(&self) -> f64 {
         (self.spent.load(Ordering::Relaxed) - self.before) as f64 / self.of_one as f64
+    }
+
+    /// The share of the session's work that is left for searches.
+    #[cfg(test)]
+    pub fn share_for_searches(&self) -> f64 {
+        let left = self.of_searches().saturating_sub(self.spent.load(Ordering::Relaxed));
+        left as f64 / self.of_session as f64
     }
 
     /// The share of the session's work that is spent.
@@ -181,14 +193,14 @@ mod tests {
     fn what_prepares_a_search_counts_to_the_session_only() {
         let mut budget = WorkBudget::of(200);
         let all = budget.of_one;
-        budget.spend_ns(all / 4);
-        assert!(budget.share() > 0.24);
+        budget.spend_ns(all / 8);
+        assert!(budget.share() > 0.12);
         budget.search_begins();
         assert_eq!(budget.share(), 0.0);
         assert!(spend_all(&budget) >= all);
-        // A preparation that took nearly all leaves the search what is left of the session.
+        // A preparation that took nearly all leaves the search what is left of the session, but for what reports it.
         let mut budget = WorkBudget::of(200);
-        budget.spend_ns(budget.of_session - all / 4);
+        budget.spend_ns(budget.of_searches() - all / 4);
         budget.search_begins();
         assert!(spend_all(&budget) <= all / 4 + STEP.nanoseconds());
     }
@@ -216,7 +228,11 @@ mod tests {
             assert_eq!(budget.share(), 0.0);
             all += spend_all(&budget);
         }
-        assert!(budget.is_over() && budget.is_spent() && first.share_of_session() >= 1.0);
-        assert!(all - STEP.nanoseconds() <= first.of_session);
+        assert!(budget.is_spent() && first.share_for_searches() == 0.0);
+        assert!(all - STEP.nanoseconds() <= first.of_searches());
+        // To report the last one is left; no other is begun.
+        assert!(first.share_of_session() < 1.0);
+        budget.spend(STEP);
+        assert!(budget.is_over());
     }
 }

@@ -21,7 +21,7 @@ fn diagnosed(left: f64) -> Diagnosis {
     let mut prepared =
         Prepared::new(&robot, &recording, &options, None, Suspects::AT_FIRST, &mut memory).unwrap();
     let budget = prepared.problem.budget.clone();
-    while budget.share_of_session() < 1.0 - left {
+    while budget.share_for_searches() > left {
         budget.spend(Effort::Equations(40));
     }
     prepared.problem.budget = budget.again();
