@@ -210,7 +210,7 @@ pub(crate) fn diagnose(
     options.cancel.check()?;
     let known = first_result(deformation, &diagnosis, arranged);
     let lost = prepared.lost().is_some();
-    let budget = prepared.problem.budget.clone();
+    let budget = findings.search.problem.budget.clone();
     let noise = findings.search.detector_noise();
     Ok(Outcome {
         rows_in_order,

@@ -39,7 +39,7 @@ pub(crate) fn weighed<'a>(
     let Extended { mut geometry, erratic, unnamed, unnamed_law, clean } = extended;
     let scattered = search.scatter.map(|_| Unexplained::scattered());
     search.problem = clean;
-    let unfinished = search.problem.budget.is_spent() && geometry.is_none();
+    let unfinished = search.problem.budget.was_refused() && geometry.is_none();
     let (nominal_gap, mut after) = gaps(&search, nominal, &found)?;
     let has_free = |search: &Search<'_>, found: &Found| {
         found.fit.model.terms.iter().any(|t| search.catalogue.is_free(t.hypothesis))

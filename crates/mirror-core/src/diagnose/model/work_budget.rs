@@ -5,12 +5,12 @@
 //! may use only a part of the work, so that free-form errors and small errors everywhere are tested in every session.
 
 use std::sync::Arc;
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
 /// What the search of one diagnosis may spend at most, and all that is counted of a session together, for each frame; and the
 /// fewest frames for which it is counted, because the algebra of causes costs as much in a short session.
 const OF_SEARCH_NS: u64 = 13_000_000;
-const OF_SESSION_NS: u64 = 19_000_000;
+const OF_SESSION_NS: u64 = 20_500_000;
 const FEWEST_FRAMES: usize = 200;
 
 /// The share of a search's work for each of its stages except that for named causes: free-form errors and small errors
@@ -70,8 +70,12 @@ pub(crate) struct WorkBudget {
     spent: Arc<AtomicU64>,
     /// Up to where this diagnosis may spend now.
     allowed: Arc<AtomicU64>,
+    /// Whether a step was refused since more was allowed.
+    refused: Arc<AtomicBool>,
     /// What was spent before this diagnosis, or before its search.
     before: u64,
+    /// What the diagnosis spent before its search.
+    preparing: u64,
     /// What one search may spend, and all of a session together.
     of_one: u64,
     of_session: u64,
@@ -82,7 +86,8 @@ impl WorkBudget {
     pub fn of(frames: usize) -> Self {
         let frames = frames.max(FEWEST_FRAMES) as u64;
         let (of_one, of_session) = (OF_SEARCH_NS * frames, OF_SESSION_NS * frames);
-        let first = Self { spent: Arc::default(), allowed: Arc::default(), before: 0, of_one, of_session };
+        let (spent, allowed, refused) = (Arc::default(), Arc::default(), Arc::default());
+        let first = Self { spent, allowed, refused, before: 0, preparing: 0, of_one, of_session };
         first.allow(1.0);
         first
     }
@@ -90,14 +95,17 @@ impl WorkBudget {
     /// For another diagnosis of the same session, which has what is left.
     pub fn again(&self) -> Self {
         let before = self.spent.load(Ordering::Relaxed);
-        let next = Self { allowed: Arc::default(), before, ..self.clone() };
+        let (allowed, refused) = (Arc::default(), Arc::default());
+        let next = Self { allowed, refused, before, preparing: 0, ..self.clone() };
         next.allow(1.0);
         next
     }
 
     /// The search begins: what was spent to prepare it counts only to the session.
     pub fn search_begins(&mut self) {
-        self.before = self.spent.load(Ordering::Relaxed);
+        let spent = self.spent.load(Ordering::Relaxed);
+        self.preparing = spent - self.before;
+        self.before = spent;
         self.allow(1.0);
     }
 
@@ -111,14 +119,19 @@ impl WorkBudget {
     pub fn allow(&self, share: f64) {
         let left = self.of_searches().saturating_sub(self.before);
         let part = (share * self.of_one.min(left) as f64) as u64;
-        self.allowed.store(self.before + part, Ordering::Relaxed);
+        self.allow_up_to(self.before + part);
     }
 
     /// Allows this search this share of what one may spend in addition to what is spent, within what searches may spend.
     pub fn allow_more(&self, share: f64) {
         let spent = self.spent.load(Ordering::Relaxed);
         let part = (share * self.of_one as f64) as u64;
-        self.allowed.store((spent + part).min(self.of_searches()), Ordering::Relaxed);
+        self.allow_up_to((spent + part).min(self.of_searches()));
+    }
+
+    fn allow_up_to(&self, most: u64) {
+        self.allowed.store(most, Ordering::Relaxed);
+        self.refused.store(false, Ordering::Relaxed);
     }
 
     /// Counts work.
@@ -133,13 +146,22 @@ impl WorkBudget {
 
     /// Whether nothing further is begun for now.
     pub fn is_spent(&self) -> bool {
-        self.spent.load(Ordering::Relaxed) >= self.allowed.load(Ordering::Relaxed)
+        let spent = self.spent.load(Ordering::Relaxed) >= self.allowed.load(Ordering::Relaxed);
+        if spent {
+            self.refused.store(true, Ordering::Relaxed);
+        }
+        spent
     }
 
-    /// Whether no further diagnosis is begun: less is left than it takes to prepare and to report one.
+    /// Whether a step of the search was refused since more was allowed: one that had begun may have spent the rest as the last.
+    pub fn was_refused(&self) -> bool {
+        self.refused.load(Ordering::Relaxed)
+    }
+
+    /// Whether no further diagnosis is begun: less is left than it takes to prepare one, as it took this, and to report it.
     pub fn is_over(&self) -> bool {
         let left = self.of_session.saturating_sub(self.spent.load(Ordering::Relaxed));
-        (left as f64) < OF_ANOTHER * self.of_one as f64
+        (left as f64) < OF_ANOTHER * self.of_one as f64 + self.preparing as f64
     }
 
     /// The share of one search that was spent since the diagnosis or its search began; above 1 where what had begun went on.
@@ -186,6 +208,10 @@ mod tests {
             spent.push(spend_all(&second));
         }
         assert!(spent.iter().all(|s| *s > 0), "{spent:?}");
+        // More is allowed: no step was refused since.
+        assert!(second.was_refused());
+        second.allow_more(A_STAGE);
+        assert!(!second.was_refused() && second.is_spent() && second.was_refused());
         assert!(second.is_over() && second.share_of_session() < 1.01);
     }
 
@@ -198,6 +224,10 @@ mod tests {
         budget.search_begins();
         assert_eq!(budget.share(), 0.0);
         assert!(spend_all(&budget) >= all);
+        // What another would need to be prepared and reported is not left.
+        let left = budget.of_session - budget.spent.load(Ordering::Relaxed);
+        assert_eq!(budget.is_over(), left < all / 8 + budget.of_session - budget.of_searches());
+        assert!(budget.is_over() && !WorkBudget { preparing: 0, ..budget.clone() }.is_over());
         // A preparation that took nearly all leaves the search what is left of the session, but for what reports it.
         let mut budget = WorkBudget::of(200);
         budget.spend_ns(budget.of_searches() - all / 4);
