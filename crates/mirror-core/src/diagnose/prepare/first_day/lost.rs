@@ -172,8 +172,8 @@ fn of_joint(
     out
 }
 
-/// Whether the positions of a spoilt column are farther off than joints that rest badly are, whatever their zero is;
-/// another mistake's are.
+/// Whether the positions of a spoilt column are farther off than joints that rest badly are, whatever their zero is; another
+/// mistake's are. Nor is a column unrelated whose errors are proportional to it: it is another gear's.
 fn is_elsewhere(session: &Session<'_>, nominal: &Chain, chain: &Chain, frames: &[usize]) -> bool {
     let Some(Mistake::ColumnLost { joint, rows }) = chain.mistakes.last() else { return true };
     let turns = node_of(session.problem, *joint).is_some_and(|node| session.turns(node));
@@ -182,9 +182,36 @@ fn is_elsewhere(session: &Session<'_>, nominal: &Chain, chain: &Chain, frames: &
         // A turn more is the same position.
         if turns { off - (off / TAU).round() * TAU } else { off }
     };
-    let off: Vec<f64> = frames.iter().filter(|f| rows.binary_search(f).is_ok()).map(off).collect();
-    let mean = off.iter().sum::<f64>() / off.len().max(1) as f64;
-    off.iter().map(|x| (x - mean).powi(2)).sum::<f64>() > LEAST_SPREAD.powi(2) * off.len() as f64
+    let own: Vec<&usize> = frames.iter().filter(|f| rows.binary_search(f).is_ok()).collect();
+    let logged = |f: &&usize| nominal.variant.positions[**f][*joint];
+    let off: Vec<(f64, f64)> = own.iter().map(|f| (logged(f), off(f))).collect();
+    is_unrelated(&off)
+}
+
+/// Whether errors of a column, each with what the column says, are farther off than joints that rest badly are, and not proportional to
+/// it but for a quarter of their size.
+fn is_unrelated(points: &[(f64, f64)]) -> bool {
+    let beside = BesideLine::of(points);
+    let far = beside.mean > LEAST_SPREAD.powi(2) * points.len() as f64;
+    far && beside.line > (1.0 - NEARLY_ALL).powi(2) * beside.mean
+}
+
+/// What is left of the ordinates of some points, squared and summed: beside their mean, and beside a line.
+struct BesideLine {
+    mean: f64,
+    line: f64,
+}
+
+impl BesideLine {
+    /// `Σ (y − ȳ)²` and `Σ (y − ȳ − b (x − x̄))²`; points at one abscissa have no line.
+    fn of(points: &[(f64, f64)]) -> Self {
+        let count = points.len().max(1) as f64;
+        let middle = points.iter().fold((0.0, 0.0), |sum, p| (sum.0 + p.0 / count, sum.1 + p.1 / count));
+        let from_middle = points.iter().map(|p| (p.0 - middle.0, p.1 - middle.1));
+        let (xx, xy, mean) =
+            from_middle.fold((0.0, 0.0, 0.0), |sum, (x, y)| (sum.0 + x * x, sum.1 + x * y, sum.2 + y * y));
+        Self { mean, line: if xx > 0.0 { (mean - xy * xy / xx).max(0.0) } else { mean } }
+    }
 }
 
 /// Whether a column is spoilt in more than a quarter of its rows: without those that gain most the others still gain.
@@ -348,4 +375,49 @@ fn spread_of(values: &[f64]) -> f64 {
     let count = values.len().max(1) as f64;
     let mean = values.iter().sum::<f64>() / count;
     (values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / count).sqrt().max(LEAST_SPREAD)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{BesideLine, is_unrelated};
+
+    #[test]
+    fn a_line_leaves_what_is_beside_it() {
+        let line = |x: f64| (x, 0.3 - 0.5 * x);
+        let on = [-1.0, -0.2, 0.4, 1.7].map(line);
+        let left = BesideLine::of(&on);
+        assert!(
+            left.line < 1e-15 && (left.mean - 0.25 * 3.8875).abs() < 1e-12,
+            "{} {}",
+            left.line,
+            left.mean
+        );
+        // ±0.1 by turns, which no line follows: nearly all of it stays.
+        let beside: Vec<(f64, f64)> =
+            on.iter().zip([0.1, -0.1, -0.1, 0.1]).map(|(p, by)| (p.0, p.1 + by)).collect();
+        let left = BesideLine::of(&beside).line;
+        assert!(left > 0.035 && left < 0.04, "{left}");
+        // A column that stays at one value has no line.
+        let still = BesideLine::of(&[(1.0, 0.0), (1.0, 2.0)]);
+        assert_eq!((still.mean, still.line), (2.0, 2.0));
+        assert_eq!(BesideLine::of(&[]).line, 0.0);
+    }
+
+    #[test]
+    fn a_column_of_another_gear_is_not_unrelated() {
+        let column = [-1.9, -1.6, -0.2, 0.6, 0.3, -1.1, -1.0, 0.5, 1.1, -0.6];
+        let off_by = [0.05, -0.03, 0.04, -0.06, 0.02, -0.05, 0.03, 0.06, -0.04, -0.02];
+        let errors = |of: fn(f64, f64) -> f64| -> Vec<(f64, f64)> {
+            column.iter().zip(off_by).map(|(q, by)| (*q, of(*q, by))).collect()
+        };
+        // Twice the position, with another zero; the other way; a ratio that is nearly right.
+        assert!(!is_unrelated(&errors(|q, by| 0.3 - 0.5 * q + by)));
+        assert!(!is_unrelated(&errors(|q, by| -2.0 * q + by)));
+        assert!(!is_unrelated(&errors(|q, by| 0.02 * q + 0.2 * by)));
+        // Without signs; in another order; held at one value.
+        assert!(is_unrelated(&errors(|q, by| q - q.abs() + by)));
+        assert!(is_unrelated(&errors(|q, by| 20.0 * by - q)));
+        let held: Vec<(f64, f64)> = column.iter().map(|q| (0.7, *q)).collect();
+        assert!(is_unrelated(&held));
+    }
 }
