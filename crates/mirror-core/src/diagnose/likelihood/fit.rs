@@ -49,6 +49,9 @@ pub(crate) enum Until {
 }
 
 impl Until {
+    /// However large the misfit is.
+    pub const BEST: Self = Self::Least { hopeless: f64::INFINITY };
+
     /// The gain of a step of so many parameters that is taken without another evaluation.
     fn unseen(self, parameters: usize) -> f64 {
         match self {
@@ -209,23 +212,7 @@ pub(crate) fn fit(
     options: FitOptions,
     mask: Option<&[bool]>,
 ) -> Result<Fit> {
-    fit_below(problem, catalogue, group, start, options, mask, f64::INFINITY)
-}
-
-/// As [`fit`], given up once it is clear that the misfit will not come below `hopeless`.
-///
-/// # Errors
-/// Invalid parameters of the camera or mirror.
-pub(crate) fn fit_below(
-    problem: &Problem,
-    catalogue: &Catalogue,
-    group: &Group,
-    start: &Model,
-    options: FitOptions,
-    mask: Option<&[bool]>,
-    hopeless: f64,
-) -> Result<Fit> {
-    fit_until(problem, catalogue, group, start, options, mask, Until::Least { hopeless })
+    fit_until(problem, catalogue, group, start, options, mask, Until::BEST)
 }
 
 /// As [`fit`], until it is good enough.

@@ -2,7 +2,7 @@
 //! most probable value of its discrete unknown (a friction torque, a side).
 
 use crate::diagnose::effects::hypothesis::{Model, Term};
-use crate::diagnose::likelihood::fit::{Fit, FitOptions, fit_below};
+use crate::diagnose::likelihood::fit::{Fit, FitOptions, Until, fit_until};
 use crate::diagnose::likelihood::linearised::likeliest_variants;
 use crate::diagnose::likelihood::score_test::{Score, screen};
 use crate::diagnose::model::problem::Noise;
@@ -77,7 +77,8 @@ impl Search<'_> {
             let next = with(&screening.active.model(start, &screening.moved_along(score)?), score, 1.0);
             let options = FitOptions { noise, steps: SOLVER.candidate_steps };
             let (problem, catalogue) = (&self.problem, self.catalogue);
-            let mut fit = fit_below(problem, catalogue, group, &next, options, self.mask, hopeless).ok()?;
+            let until = Until::Least { hopeless };
+            let mut fit = fit_until(problem, catalogue, group, &next, options, self.mask, until).ok()?;
             fit.model.group.truncate(model.group.len());
             Some(fit)
         };

@@ -4,7 +4,7 @@
 use crate::diagnose::criteria::cross_validation::{PostureGap, held_out};
 use crate::diagnose::data::diagnosis::{Cause, Estimate};
 use crate::diagnose::effects::hypothesis::{Catalogue, Model, Term};
-use crate::diagnose::likelihood::fit::{Fit, FitOptions, Group, fit, fit_below};
+use crate::diagnose::likelihood::fit::{Fit, FitOptions, Group, Until, fit, fit_until};
 use crate::diagnose::likelihood::joint_scatter::{Scatter, Widening};
 use crate::diagnose::likelihood::linearised::Linearised;
 use crate::diagnose::likelihood::noise::effective_from;
@@ -127,7 +127,8 @@ impl Search<'_> {
     ) -> Result<Fit> {
         let (group, start) = self.loosened(model, in_question);
         let options = FitOptions { noise, steps };
-        let mut fit = fit_below(&self.problem, self.catalogue, &group, &start, options, self.mask, hopeless)?;
+        let until = Until::Least { hopeless };
+        let mut fit = fit_until(&self.problem, self.catalogue, &group, &start, options, self.mask, until)?;
         fit.model.group.truncate(model.group.len());
         Ok(fit)
     }

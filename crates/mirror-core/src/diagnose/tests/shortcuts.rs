@@ -67,7 +67,7 @@ fn fits_without_each_part_are_the_fits_to_the_others() {
     let catalogue = catalogue(&problem);
     let none = Group::default();
     let options = FitOptions { noise: NOISE, steps: 4 };
-    let least = Until::Least { hopeless: f64::INFINITY };
+    let least = Until::BEST;
     // Parts whose frames lie among each other's.
     let labels: Vec<usize> = (0..problem.frames.len()).map(|frame| (frame + frame / 3) % 3).collect();
     for others in [vec![], vec!["camera_focal@camera", "mirror_curvature@mirror"]] {

@@ -73,10 +73,10 @@ impl Table {
         Filled(self)
     }
 
-    /// The rows in which [`LANES`] columns are not all 0, by their first: a bit for each.
+    /// The rows in which the [`LANES`] columns that a column is among are not all 0: a bit for each.
     #[inline(always)]
-    fn filled_from(&self, first: usize) -> &[u64] {
-        &self.filled[first / LANES * self.words..][..self.words]
+    fn filled_around(&self, column: usize) -> &[u64] {
+        &self.filled[column / LANES * self.words..][..self.words]
     }
 
     /// Leaves out all columns but the first ones.
@@ -189,26 +189,20 @@ fn add_tiles(left: &Table, right: &Table, half: bool, sums: &mut [f64]) {
 fn products_of((left, j): (&Table, usize), (right, i): (&Table, usize)) -> [[f64; LANES]; TILE] {
     let none = [0.0; LANES];
     let (mut a, mut b, mut c, mut d) = (none, none, none, none);
-    let (some, others) = (left.filled_from(j / LANES * LANES), right.filled_from(i));
+    let (some, others) = (left.filled_around(j), right.filled_around(i));
     for (word, (one, other)) in some.iter().zip(others).enumerate() {
         let mut bits = one & other;
         while bits != 0 {
             let row = word * BITS + bits.trailing_zeros() as usize;
             bits &= bits - 1;
+            // Parts along the plane are taken off.
+            let sign = if row < right.own { 1.0 } else { -1.0 };
             let x = &left.values[row * left.stride + j..][..TILE];
             let y = &right.values[row * right.stride + i..][..LANES];
-            if row < right.own {
-                add_times(&mut a, x[0], y);
-                add_times(&mut b, x[1], y);
-                add_times(&mut c, x[2], y);
-                add_times(&mut d, x[3], y);
-            } else {
-                // Parts along the plane are taken off.
-                add_times(&mut a, -x[0], y);
-                add_times(&mut b, -x[1], y);
-                add_times(&mut c, -x[2], y);
-                add_times(&mut d, -x[3], y);
-            }
+            add_times(&mut a, sign * x[0], y);
+            add_times(&mut b, sign * x[1], y);
+            add_times(&mut c, sign * x[2], y);
+            add_times(&mut d, sign * x[3], y);
         }
     }
     [a, b, c, d]

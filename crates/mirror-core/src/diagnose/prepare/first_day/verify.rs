@@ -307,7 +307,7 @@ impl Tolerant {
     /// # Errors
     /// Invalid parameters of camera or mirror.
     pub fn log_evidence(&mut self, noise: Noise) -> Result<f64> {
-        let fit = self.fit(noise, STEPS + 1, Until::Least { hopeless: f64::INFINITY })?;
+        let fit = self.fit(noise, STEPS + 1, Until::BEST)?;
         self.model = fit.model;
         Ok(fit.log_evidence)
     }
