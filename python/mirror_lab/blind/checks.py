@@ -47,10 +47,6 @@ def check_options(options: Options, planned: Sequence[str] = ()) -> None:
             raise BlindError(
                 f"effect: got {effect} with pictures; mistakes and accidents are made of image points only: leave out --pictures"
             )
-        if options.by_hand and effect in OUTSIDE.keys() | NOT_BESIDE:
-            why = (
-                "is judged with exact mounts only"
-                if effect in OUTSIDE or effect == "pairing"
-                else "belongs to the set-up"
-            )
+        if options.by_hand and effect in NOT_BESIDE:
+            why = "is judged with exact mounts only" if effect == "pairing" else "belongs to the set-up"
             raise BlindError(f"effect: got {effect} with a set-up by hand; it {why}: needed an exact set-up")

@@ -127,7 +127,7 @@ def _with_zero(case: Scored, truth: dict[str, Any]) -> dict[str, Any]:
 def outside_verdict(case: Scored) -> dict[str, bool]:
     truth = case.truths[0]
     verdict = case.said.get("verdict")
-    where = [w["at"] for w in case.said.get("where", [])]
+    where = _places(case)
     # The place of a coupling without a name is the driven joint.
     at = truth["at"].split("<-")[0]
     same = {at} | {c["at"] for c in case.causes if c["at"].split("<-")[0] == at}
@@ -135,12 +135,23 @@ def outside_verdict(case: Scored) -> dict[str, bool]:
     named = {name_of(c) for c in case.causes}
     right_place = bool(where) and where[0].split("<-")[0] in same
     met = (verdict in ("unknown", "partial") and right_place) or bool(named & rivals)
-    wrong = verdict == "explained" and any(
-        c.get("probability", 1.0) >= CONFIDENT and name_of(c) not in rivals for c in case.causes
-    )
+    false = [c for c in case.causes if name_of(c) not in rivals | true_names(case)]
+    wrong = verdict == "explained" and any(c.get("probability", 1.0) >= CONFIDENT for c in false)
     return {
         "met": met,
         "abstained": verdict in ("unknown", "partial"),
         "right_place": right_place,
         "confidently_wrong": wrong,
+        "false_cause": any(c.get("probability", 1.0) >= CONFIDENT for c in false),
     }
+
+
+def _places(case: Scored) -> list[str]:
+    """The places of `where`, largest share first. Beside mounts by hand, which have the largest: those of what has no name, or
+    else those that are no mount's."""
+    where = case.said.get("where", [])
+    if "setup" not in case.answer:
+        return [w["at"] for w in where]
+    mounts = {c["at"] for c in case.answer["setup"]} | {"robot"}
+    unnamed = [w["at"] for w in where if w.get("depends_on")]
+    return unnamed or [w["at"] for w in where if w["at"] not in mounts]

@@ -177,6 +177,7 @@ def score(cases: Path, results: Path, leave_out: str | None = None) -> dict[str,
         "outside_confidently_wrong": rate(
             [verdicts[c.name]["confidently_wrong"] for c in clear_outside]
         ).as_json(),
+        "outside_false_cause": rate([verdicts[c.name]["false_cause"] for c in clear_outside]).as_json(),
         "by_effect": by_effect,
         "breakdown": breakdown(scored),
         "confusion": confusion(clear),

@@ -3,7 +3,8 @@
 The exact pixels are compared with those of the true machine without the cause in question. The mounts, free within the spreads from which
 they were drawn, and each frame's mirror are projected out to first order. Then every hypothesis of the vocabulary is compared as in
 `identify`, each to first order
-around the true mounts. The cause's own χ² is that of the exact model.
+around the true mounts. The cause's own χ² is that of the exact model. An effect outside the vocabulary is judged as in `identify`, by what
+mounts and one to three causes leave of it.
 """
 
 from __future__ import annotations
@@ -16,10 +17,10 @@ from numpy.typing import NDArray
 
 from .fitting import Fit, screen
 from .hypotheses import Hypothesis, all_hypotheses
-from .identify import CLEAR_DEVIATIONS, MARGIN, _contains, _one_per_name, _truths
+from .identify import CLEAR_DEVIATIONS, FREE_FORM, MARGIN, MIMICS, _contains, _one_per_name, _truths
 from .kinematics import Change
 from .mounting import SHIFT_M, TURN_RAD, ZERO_RAD, Mounting
-from .reference import clean_pixels, reference_of
+from .reference import Reference, clean_pixels, reference_of
 from .robots import Robot
 from .shrinkage import PARAMETERS
 
@@ -37,6 +38,9 @@ def judge_by_hand(case: Case, mounting: Mounting) -> dict[str, Any]:
     friction = {c["at"].removeprefix("joint:"): c["friction_nm"] for c in causes if "friction_nm" in c}
     everything = all_hypotheses(robot, commands, case.gravity, friction)
     free, spreads, values = set_up(robot, mounting, everything)
+    if any(c["effect"] == "unknown" for c in causes):
+        mounts = Fit(free, values, planes, float("nan"), float("nan"))
+        return _judge_outside(ref, mounts, spreads, everything)
     true: list[tuple[Hypothesis, Array]] = []
     for cause in causes:
         fitting = _truths(everything, cause)
@@ -85,6 +89,43 @@ def judge_by_hand(case: Case, mounting: Mounting) -> dict[str, Any]:
     return {
         "detectable": all(c["detectable"] for c in causes),
         "identifiable": all(c["identifiable"] for c in causes),
+    }
+
+
+def _judge_outside(
+    ref: Reference, mounts: Fit, spreads: Array, everything: list[Hypothesis]
+) -> dict[str, Any]:
+    """Whether an effect outside the vocabulary is detectable, and whether mounts and a few causes produce the same pixels."""
+    logarithm = float(np.log(ref.size))
+    shows = MARGIN + FREE_FORM * logarithm
+    base, prior = mounts, spreads
+    ranked, left = screen(ref, base, everything, prior)
+    seen, closest = left > shows, []
+    mimics: list[str] = []
+    chosen: list[str] = []
+    while seen and not mimics and len(chosen) < MIMICS:
+        paid = {h.name: bic - (len(prior) + len(h.steps)) * logarithm for bic, h in reversed(ranked)}
+        near = [h for h in _one_per_name([h for _, h in ranked]) if h.name not in chosen]
+        near.sort(key=lambda h: paid[h.name])
+        best = near[0]
+        closest = closest or [{"name": h.name, "chi2_left": paid[h.name]} for h in near[:3]]
+        chosen, left = [*chosen, best.name], paid[best.name]
+        if left < shows:
+            alone = [h.name for h in near if paid[h.name] < shows]
+            mimics = alone if len(chosen) == 1 else chosen
+        base = replace(
+            base,
+            hypotheses=[*base.hypotheses, best],
+            parameters=[*base.parameters, np.zeros(len(best.steps))],
+        )
+        prior = np.append(prior, np.full(len(best.steps), np.inf))
+        ranked, _ = screen(ref, base, everything, prior)
+    return {
+        "detectable": seen,
+        "identifiable": seen and not mimics,
+        "rivals": mimics,
+        "closest": closest,
+        "chi2_left": left,
     }
 
 

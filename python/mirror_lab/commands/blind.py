@@ -145,11 +145,6 @@ def make(
         raise MirrorPostureError(
             "--accidents: a session has one of these or --mistakes, not both; leave one out"
         )
-    if setup == "by-hand" and outside:
-        raise MirrorPostureError(
-            f"--outside: got {outside:g} with --setup by-hand; what such a session can show of an effect outside the "
-            "vocabulary is not judged: needed 0"
-        )
     with _told():
         from ..blind.make import make_cases
         from ..blind.simulate import Options

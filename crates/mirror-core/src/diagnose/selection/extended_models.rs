@@ -100,6 +100,7 @@ pub(crate) fn extend_models<'a>(
     let many_false = false_share > trimmed_share();
     let enough = !fits_noise.significant && !fits_noise.corners_significant && !many_false;
     let mut unnamed_law = None;
+    let mut has_free_forms = false;
     if (freed || is_suspicious(search, found, all, &fits_noise, many_false)?)
         && let Some(beside) = beside_free_forms(search, found, all, nominal, enough)?
     {
@@ -110,7 +111,7 @@ pub(crate) fn extend_models<'a>(
             let trace = core::mem::take(&mut found.trace);
             (*search, *found) = (beside.search, beside.found);
             found.trace.splice(0..0, trace);
-            retract_imitators(search, found)?;
+            has_free_forms = true;
             (clean, _) = without_false(search, found)?;
             fits_noise = left(search, found, &clean)?;
         }
@@ -119,6 +120,7 @@ pub(crate) fn extend_models<'a>(
     let mut erratic = None;
     if doubtful && let Some(beside) = beside_erratic_joint(search, found, nominal)? {
         erratic = Some(beside.node);
+        has_free_forms = false;
         (*search, *found) = (beside.search, beside.found);
         (clean, _) = without_false(search, found)?;
     }
@@ -136,8 +138,14 @@ pub(crate) fn extend_models<'a>(
         if let Some(beside) = beside_geometry(&named, (search, found), nominal)?.filter(enough) {
             geometry = Some(beside.geometry);
             (unnamed, unnamed_law) = (beside.unnamed, None);
+            has_free_forms = false;
             (*search, *found) = (beside.search, beside.found);
         }
+        (clean, _) = without_false(search, found)?;
+    }
+    // Only now: what competes with a law that is imitated competes with all that describes it.
+    if has_free_forms {
+        retract_imitators(search, found)?;
         (clean, _) = without_false(search, found)?;
     }
     geometry = geometry.filter(|_| !found.fit.model.group.is_empty());

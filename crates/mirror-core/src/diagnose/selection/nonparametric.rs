@@ -205,7 +205,7 @@ fn is_in_group(search: &Search<'_>, all: &Catalogue, hypothesis: usize) -> bool 
 
 /// The search with free-form errors. Beside causes that are `enough` it is from the most probable set of one linear model of
 /// what was found; none where that shows that no such error can compete with them. Otherwise it is from the causes found and from
-/// the nominal model, and what is more probable counts; where much work is done, from the nominal model only if such an error is in that set.
+/// the nominal model, and what is more probable counts; where that is much work, from that set, or from the causes found if no such error is in it.
 fn searched_beside<'a>(
     wide: &Search<'a>,
     found: &Found,
@@ -224,10 +224,11 @@ fn searched_beside<'a>(
     if enough || found.fit.model.terms.is_empty() {
         return from(nominal).map(Some);
     }
-    // From the nominal model it takes as long as all that was done before: where that is much, only if such an error competes.
-    let costly = wide.problem.budget.share_of_session() > A_STAGE;
-    if costly && free_form_start(wide, found)?.is_some_and(|choice| !choice.has_free) {
-        return from(&found.fit.model).map(Some);
+    // From the nominal model it takes as long as all that was done before, and mounts must be displaced again: where that is much,
+    // the start is the most probable linear model.
+    let costly = wide.problem.budget.share_of_session() > A_STAGE || !found.fit.model.group.is_empty();
+    if costly && let Some(choice) = free_form_start(wide, found)? {
+        return from(if choice.has_free { &choice.model } else { &found.fit.model }).map(Some);
     }
     let best = from(nominal)?;
     if wide.problem.budget.is_spent() {
