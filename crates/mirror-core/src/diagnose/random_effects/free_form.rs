@@ -19,11 +19,14 @@ use crate::diagnose::model::elementary::{Atom, Column, Weight};
 use crate::diagnose::model::free_values::{ASTIGMATISM, BOARD_SHAPE, WARP};
 use crate::diagnose::model::scene::Scene;
 use crate::diagnose::model::solver::NEGLIGIBLE;
-use crate::diagnose::principles::{Prior, Size};
+use crate::diagnose::principles::{Grid, Prior, Size};
 use nalgebra::Vector3;
 
 /// Smooth functions a dependence has: knots of a piecewise linear function.
 const KNOTS: Size = 6;
+/// Knots of a joint's dependence on time, as shares of the recording: as far apart as the others, and two more where what was cold
+/// warms up.
+const TIME_KNOTS: [Grid; 8] = [0.0, 0.04, 0.1, 0.2, 0.4, 0.6, 0.8, 1.0];
 /// The same of a dependence on another place's quantity.
 const FEW_KNOTS: Size = 4;
 /// The same of the camera's on time: lenses and mounts warm up, breathe and come back within a recording.
@@ -106,15 +109,26 @@ pub(super) struct FreeForm {
 
 /// Hat functions over the range of a quantity: a piecewise linear function with as many free values as knots.
 fn hats(values: &[f64], knots: usize) -> Vec<Vec<f64>> {
+    let shares: Vec<f64> = (0..knots).map(|k| k as f64 / (knots - 1) as f64).collect();
+    hats_at(values, &shares)
+}
+
+/// The same with knots at these shares of the range, ascending from 0 to 1.
+fn hats_at(values: &[f64], shares: &[f64]) -> Vec<Vec<f64>> {
     let low = values.iter().copied().fold(f64::INFINITY, f64::min);
     let high = values.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-    let step = (high - low).max(1e-12) / (knots - 1) as f64;
-    (0..knots)
-        .map(|k| {
-            let knot = low + step * k as f64;
-            values.iter().map(|v| (1.0 - (v - knot).abs() / step).max(0.0)).collect()
-        })
-        .collect()
+    let range = (high - low).max(1e-12);
+    let hat = |k: usize| {
+        let to = |other: Option<&f64>| other.map_or(f64::INFINITY, |other| (shares[k] - other).abs() * range);
+        let (before, after) = (to(k.checked_sub(1).and_then(|k| shares.get(k))), to(shares.get(k + 1)));
+        let from_knot = |v: &f64| v - low - shares[k] * range;
+        let value = |v: &f64| {
+            let away = from_knot(v);
+            (1.0 - away.abs() / if away < 0.0 { before } else { after }).max(0.0)
+        };
+        values.iter().map(value).collect()
+    };
+    (0..shares.len()).map(hat).collect()
 }
 
 /// A line and a parabola from 0 at the first row: how a base sinks or a frame creeps.
@@ -173,7 +187,7 @@ impl FreeForm {
                 let product = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(x, y)| x * y).collect();
                 table(own.iter().flat_map(|a| other.iter().map(move |b| product(a, b))).collect())
             }
-            (On::Time, Place::Joint(_)) => table(hats(&scene.time_s, KNOTS)),
+            (On::Time, Place::Joint(_)) => table(hats_at(&scene.time_s, &TIME_KNOTS)),
             (On::Creep, _) => table(from_start(&scene.time_s)),
             (On::Time, Place::Camera) => table(hats(&scene.time_s, CAMERA_TIME_KNOTS)),
             (On::Time, _) => table(hats(&scene.time_s, FEW_KNOTS)),
@@ -388,7 +402,29 @@ pub(crate) fn free_forms(scene: &Scene) -> Vec<Box<dyn Effect>> {
 
 #[cfg(test)]
 mod tests {
-    use super::stop;
+    use super::{TIME_KNOTS, hats, hats_at, stop};
+
+    #[test]
+    fn hats_sum_to_one_and_follow_what_warms_up() {
+        let time_s: Vec<f64> = (0..200).map(|k| 10.0 * k as f64).collect();
+        let error = |hats: Vec<Vec<f64>>| {
+            let warm = |t: f64| (-t / 100.0).exp();
+            // The value at each knot is the function's there: where its hat is highest.
+            let at = |hat: &Vec<f64>| {
+                hat.iter().zip(&time_s).max_by(|a, b| a.0.total_cmp(b.0)).map_or(0.0, |b| warm(*b.1))
+            };
+            let values: Vec<f64> = hats.iter().map(at).collect();
+            let off = |k: usize| {
+                let all: f64 = hats.iter().map(|h| h[k]).sum();
+                assert!((all - 1.0).abs() < 1e-12, "{k}: {all}");
+                let fit: f64 = hats.iter().zip(&values).map(|(h, v)| h[k] * v).sum();
+                (fit - warm(time_s[k])).abs()
+            };
+            (0..time_s.len()).map(off).fold(0.0, f64::max)
+        };
+        let (early, even) = (error(hats_at(&time_s, &TIME_KNOTS)), error(hats(&time_s, TIME_KNOTS.len())));
+        assert!(early < 0.08 && even > 0.2, "{early} {even}");
+    }
 
     #[test]
     fn a_stop_drags_its_slack_along_and_remembers_the_way() {

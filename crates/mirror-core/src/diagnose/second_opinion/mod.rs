@@ -21,7 +21,8 @@
 //! | the observations left out as false lie together | searches in the same way | explains everything and leaves out less than half of them |
 //!
 //! All diagnoses of a session share one budget of work. Where it is used up no further one begins, and the result says
-//! so: what was left out as false and lies together at one marker is then something unexplained. A second diagnosis that ended at the limit is accepted only if it explains everything or leaves no larger gap.
+//! so: what was left out as false and lies together at one marker is then something unexplained, and what the next one would have left out is no more
+//! probable than what was not tested. A second diagnosis that ended at the limit is accepted only if it explains everything or leaves no larger gap.
 
 mod reason;
 #[cfg(test)]
@@ -42,7 +43,7 @@ use crate::diagnose::report::reservations::LIMIT_REACHED;
 use crate::error::Result;
 use crate::robot::Robot;
 use reason::{
-    LATE, Reason, explains, hardly_slipped, has_no_size, is_late_by_nothing, is_of_a_column, left,
+    LATE, PAIRING, Reason, explains, hardly_slipped, has_no_size, is_late_by_nothing, is_of_a_column, left,
     slip_together, takes_most,
 };
 use std::collections::BTreeMap;
@@ -133,11 +134,13 @@ fn accepted(
         // It may give reason for doubt as any other diagnosis does.
         (found, mistakes, spoilt) = (second, its_mistakes, false);
     }
+    let mut doubted: &[&str] = &[];
     for reason in Reason::all(&found, recording, &mistakes) {
         if is_over(&mut found) {
             if reason == Reason::FalseTogether {
                 doubt_what_is_false(&mut found.diagnosis);
             }
+            doubted = reason.without();
             break;
         }
         let known = FirstResult { sought: reason.seeks(), ..found.known.clone() };
@@ -164,13 +167,15 @@ fn accepted(
             return Ok(second);
         }
     }
-    // No second diagnosis took it back, and its own deviations do not carry it.
-    for slip in found.diagnosis.causes.iter_mut().filter(|c| hardly_slipped(c)) {
-        slip.probability = unfinished(slip.probability);
+    // No second diagnosis took it back: it was not made; a slip's own deviations do not carry it; the rows that seemed slipped fit
+    // their own postures beside the causes.
+    let is_doubted = |c: &Cause| {
+        let of_rows = found.rows_in_order && c.effect == PAIRING;
+        hardly_slipped(c) || of_rows || doubted.contains(&c.effect.as_str())
+    };
+    for cause in found.diagnosis.causes.iter_mut().filter(|c| is_doubted(c)) {
+        cause.probability = unfinished(cause.probability);
     }
-    // The rows that seemed slipped fit their own postures beside the causes, and no diagnosis without a slip was made, or better.
-    let of_rows = found.diagnosis.causes.iter_mut().filter(|c| found.rows_in_order && c.effect == "pairing");
-    of_rows.for_each(|slip| slip.probability = unfinished(slip.probability));
     // Of a mistake that does not differ from none, nothing is left to be named.
     let undone = |c: &Cause| mistakes.iter().any(|m| m.effect == c.effect && m.at == c.at);
     for nothing in found.diagnosis.causes.iter_mut().filter(|c| undone(c) && has_no_size(c)) {

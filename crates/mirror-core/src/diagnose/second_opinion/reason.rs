@@ -11,7 +11,7 @@ use crate::diagnose::principles::{FAR_DEVIATIONS, LEAST_HELD_OUT_RATIO, MAJORITY
 pub(super) const SLIP: &str = "slip";
 /// The parameter of a slip that is none of its motion.
 pub(super) const FIRST_FRAME: &str = "first_frame";
-const PAIRING: &str = "pairing";
+pub(super) const PAIRING: &str = "pairing";
 const GRAVITY: &str = "gravity_direction";
 /// Small errors everywhere.
 const GROUP: &str = "geometry";

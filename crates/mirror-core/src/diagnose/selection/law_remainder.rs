@@ -28,12 +28,16 @@ pub(crate) fn only_their_laws(
     if elsewhere(all, other, own) {
         return Ok(false);
     }
+    let of_optics =
+        |t: &Term| matches!(all.hypotheses[t.hypothesis].place, Place::Camera | Place::Board | Place::Mirror);
+    if other.terms.iter().any(|t| all.is_free(t.hypothesis) && of_optics(t)) {
+        return Ok(false);
+    }
     let mut at_its_places = own.clone();
     if own.terms.len() > other.terms.len() {
         let place = |t: &Term| all.hypotheses[t.hypothesis].place;
         let causes_at = |t: &Term| own.terms.iter().filter(|c| are_together(place(c), place(t))).count();
-        let of_optics = |t: &Term| matches!(place(t), Place::Camera | Place::Board | Place::Mirror);
-        if other.terms.iter().any(|t| causes_at(t) != 1 || all.is_free(t.hypothesis) && of_optics(t)) {
+        if other.terms.iter().any(|t| causes_at(t) != 1) {
             return Ok(false);
         }
         at_its_places.terms.retain(|c| other.terms.iter().any(|t| are_together(place(c), place(t))));
