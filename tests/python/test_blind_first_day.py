@@ -69,6 +69,21 @@ def test_with_the_set_up_free_a_gear_is_told_and_a_last_joints_zero_is_not() -> 
     assert not cause["identifiable"], "the hand's marker may sit elsewhere instead"
 
 
+def test_beside_mounts_by_hand_it_is_judged_whether_an_unnamed_law_shows_and_is_no_gear() -> None:
+    harmonics = simulate("case", "small", ["second_harmonic"], np.random.default_rng(4), BY_HAND)
+    assert harmonics.mounting is not None
+    imitated = judge_by_hand(harmonics, harmonics.mounting)
+    assert imitated["detectable"] and not imitated["identifiable"]
+    assert imitated["rivals"] == ["gear_eccentricity@joint:r_shoulder_roll"]
+    case = simulate("case", "small", ["warm_up"], np.random.default_rng(4), BY_HAND)
+    assert case.mounting is not None
+    large = judge_by_hand(case, case.mounting)
+    assert large["identifiable"] and not large["rivals"] and large["chi2_left"] > 1000, large
+    coarse = replace(case.noise, corner_px=100.0, blob_px=100.0)
+    small = judge_by_hand(replace(case, noise=coarse), case.mounting)
+    assert not small["detectable"] and not small["identifiable"] and small["chi2_left"] < 10, small
+
+
 def _written(kind: str, folder: Path, seed: int = 3) -> tuple[Any, list[dict[str, str]]]:
     case = simulate("case", "small", [kind], np.random.default_rng(seed), QUICK)
     write_session(case, folder)

@@ -37,7 +37,6 @@ def refused(line: str) -> str:
         ),
         ("--setup by-hand --outside 0 --effect pairing", "needed an exact set-up"),
         ("--setup by-hand --outside 0 --effect geometry", "needed an exact set-up"),
-        ("--setup by-hand --outside 0 --effect second_harmonic", "needed an exact set-up"),
         ("--effect drift --mistakes", "leave one of them out"),
         ("--effect drift --accidents", "leave one of them out"),
         ("--pictures --effect markers_swapped", "leave out --pictures"),

@@ -12,7 +12,7 @@ import pytest
 
 pytest.importorskip("mujoco", reason="blind sessions need MuJoCo")
 
-from mirror_lab.blind.comparison import Scored, invented, normalised_errors
+from mirror_lab.blind.comparison import Scored, invented, normalised_errors, outside_verdict
 from mirror_lab.blind.first_day_score import outcome
 from mirror_lab.blind.make import make_cases
 from mirror_lab.blind.score import score
@@ -90,6 +90,29 @@ def test_a_session_by_hand_without_a_cause_is_no_false_alarm(tmp_path: Path) -> 
     assert got["by_hand"]["none_only_set_up"]["hits"] == 1 and got["by_hand"]["none_only_set_up"]["of"] == 2
     assert got["single_identifiable_right"]["hits"] == 1
     assert {f["session"] for f in got["failures"]} == {"exact", "wrong"}
+
+
+def _beside_mounts(verdict: str, where: list[dict[str, Any]], said: list[str]) -> dict[str, bool]:
+    causes = [dict(zip(("effect", "at"), name.split("@"), strict=True)) for name in said]
+    truth = {"effect": "unknown", "at": "joint:j", "kind": "knee", **SHOWN}
+    document = {"verdict": verdict, "causes": causes, "where": where}
+    return outside_verdict(Scored("hand", {"causes": [truth], **HAND}, document))
+
+
+def test_what_has_no_name_is_met_at_its_place_beside_mounts_of_larger_shares() -> None:
+    mounts = [{"at": "board", "share": 0.8}, {"at": "robot", "share": 0.1}]
+    at_joint = {"at": "joint:j", "share": 0.1, "depends_on": "position"}
+    named = ["board_mount@board", "geometry@robot"]
+    met = _beside_mounts("partial", [*mounts, at_joint], named)
+    assert met["met"] and not met["false_cause"], "mounts that are displaced are no false causes"
+    elsewhere = _beside_mounts("partial", [*mounts, {**at_joint, "at": "joint:k"}], named)
+    assert not elsewhere["met"] and elsewhere["abstained"]
+    assert not _beside_mounts("partial", mounts, named)["met"]
+    false = _beside_mounts("partial", [*mounts, at_joint], [*named, "gear_ratio@joint:j"])
+    assert false["met"] and false["false_cause"] and not false["confidently_wrong"]
+    wrong = _beside_mounts("explained", [*mounts, {"at": "joint:j", "share": 0.1}], [*named, "drift@joint:j"])
+    assert wrong["confidently_wrong"] and not wrong["met"]
+    assert not _beside_mounts("explained", mounts, named)["confidently_wrong"]
 
 
 def _told(truths: list[dict[str, Any]], verdict: str, said: list[str], where: str = "camera") -> str:

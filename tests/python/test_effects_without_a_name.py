@@ -32,3 +32,27 @@ def test_what_pieces_could_absorb_is_unknown_at_its_place(seed: list[int], kind:
     told = mp.diagnose(tmp_path / "case")
     assert told.verdict == "unknown" and not told.causes, told.sentence
     assert told.where[0].at == true["at"], told.where
+
+
+BY_HAND = Options(causes=(1, 1), outside_share=1.0, by_hand=True)
+
+
+@pytest.mark.parametrize(
+    ("number", "kind"), [(41, "bouc_wen"), (22, "tangential_lens"), (30, "marker_swing"), (16, "warm_up")]
+)
+def test_beside_mounts_by_hand_it_is_told_at_its_place_and_no_gear_instead(
+    number: int, kind: str, tmp_path: Path
+) -> None:
+    """The search with free-form errors began without mounts, spent the limit of work on them, and gears, drifts and a turned
+    gravity were named at 0.99."""
+    rng = np.random.default_rng([32010101, number])
+    robot = str(rng.choice(list(BY_HAND.robots)))
+    case = simulate("case", robot, draw_causes(rng, BY_HAND, sorted(VOCABULARY)), rng, BY_HAND)
+    (true,) = case.answer["causes"]
+    assert true["kind"] == kind
+    write_session(case, tmp_path / "case", rng)
+    told = mp.diagnose(tmp_path / "case")
+    assert told.verdict == "partial", told.sentence
+    likely = [c for c in told.causes if c.kind != "setup" and c.probability > 0.5]
+    assert [c.effect for c in likely] in (["geometry"], []), likely
+    assert [w.at for w in told.where if w.depends_on] == [true["at"]], told.where

@@ -22,7 +22,7 @@ def run(line: str, code: int = 0) -> str:
 
 
 def test_what_the_judge_cannot_judge_is_not_made(tmp_path: Path) -> None:
-    assert "--outside" in run(f"blind make {tmp_path / 'set'} --setup by-hand --outside 0.2", code=1)
+    assert "pairing" in run(f"blind make {tmp_path / 'set'} --setup by-hand --effect pairing", code=1)
     assert not (tmp_path / "set").exists()
 
 

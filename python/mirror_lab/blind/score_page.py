@@ -27,7 +27,11 @@ TARGETS = {
     "false_alarms": ("No effect: false alarms", "<=", 0.02),
     "outside_met": ("Outside the vocabulary: unknown or partial at the right place", ">=", 0.90),
     "outside_confidently_wrong": ("Outside the vocabulary: a confident wrong cause", "<=", 0.03),
-    "outside_false_cause": ("Outside the vocabulary: a false cause beside what is told as unknown", "<=", None),
+    "outside_false_cause": (
+        "Outside the vocabulary: a false cause beside what is told as unknown",
+        "<=",
+        None,
+    ),
 }
 """The required figures, shown at the head of the page."""
 

@@ -100,7 +100,8 @@ def _judge_outside(
     shows = MARGIN + FREE_FORM * logarithm
     base, prior = mounts, spreads
     ranked, left = screen(ref, base, everything, prior)
-    seen, closest = left > shows, []
+    seen = left > shows
+    closest: list[dict[str, Any]] = []
     mimics: list[str] = []
     chosen: list[str] = []
     while seen and not mimics and len(chosen) < MIMICS:
