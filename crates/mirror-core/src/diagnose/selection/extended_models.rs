@@ -91,6 +91,10 @@ pub(crate) fn extend_models<'a>(
     };
     let budget = search.problem.budget.clone();
     budget.allow(1.0 - A_STAGE);
+    // Displaced mounts may have taken it: what has no name would be told as the mounts and pieces that nearly absorb it.
+    if budget.is_spent() {
+        budget.allow_more(A_STAGE);
+    }
     let freed = setup.is_some();
     let mut geometry = setup;
     let (mut clean, false_share) = without_false(search, found)?;
