@@ -221,9 +221,6 @@ fn searched_beside<'a>(
         let in_reach = choice.log_odds > -(LEAST_REACH + REACH * choice.gain.max(0.0));
         return if choice.has_free && in_reach { from(&choice.model).map(Some) } else { Ok(None) };
     }
-    if enough || found.fit.model.terms.is_empty() {
-        return from(nominal).map(Some);
-    }
     // From the nominal model it takes as long as all that was done before, and mounts must be displaced again: where that is much,
     // the start is the most probable linear model.
     let costly = wide.problem.budget.share_of_session() > A_STAGE || !found.fit.model.group.is_empty();
@@ -231,7 +228,7 @@ fn searched_beside<'a>(
         return from(if choice.has_free { &choice.model } else { &found.fit.model }).map(Some);
     }
     let best = from(nominal)?;
-    if wide.problem.budget.is_spent() {
+    if enough || found.fit.model.terms.is_empty() || wide.problem.budget.is_spent() {
         return Ok(Some(best));
     }
     let other = from(&found.fit.model)?;
