@@ -21,7 +21,7 @@
 //! | the observations left out as false lie together | searches in the same way | explains everything and leaves out less than half of them |
 //!
 //! All diagnoses of a session share one budget of work. Where it is used up no further one begins, and the result says
-//! so: what was left out as false and lies together at one marker is then something unexplained, and what the next one would have left out is no more
+//! so: what was left out as false and lies together at one marker is then something unexplained, and a turned gravity that the next one would have left out is no more
 //! probable than what was not tested. A second diagnosis that ended at the limit is accepted only if it explains everything or leaves no larger gap.
 
 mod reason;
@@ -140,7 +140,10 @@ fn accepted(
             if reason == Reason::FalseTogether {
                 doubt_what_is_false(&mut found.diagnosis);
             }
-            doubted = reason.without();
+            // A slip or a delay is told with its remainder; a turned gravity turns the sign of every spring.
+            if reason == Reason::Gravity {
+                doubted = reason.without();
+            }
             break;
         }
         let known = FirstResult { sought: reason.seeks(), ..found.known.clone() };
