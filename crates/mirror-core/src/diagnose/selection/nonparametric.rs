@@ -13,6 +13,7 @@ use crate::diagnose::data::depends_on::DependsOn;
 use crate::diagnose::data::diagnosis::Where;
 use crate::diagnose::effects::Place;
 use crate::diagnose::effects::hypothesis::{Catalogue, Model};
+use crate::diagnose::likelihood::fit::Group;
 use crate::diagnose::likelihood::score_sums::ScoreSums;
 use crate::diagnose::likelihood::score_test::scored;
 use crate::diagnose::model::body::NodeId;
@@ -182,6 +183,7 @@ pub(crate) fn beside_free_forms<'a>(
         ..search.clone()
     };
     let Some((beside, result)) = searched_beside(&wide, found, nominal, enough)? else { return Ok(None) };
+    let (beside, result) = with_or_without_mounts((beside, result), nominal)?;
     let odds = log_odds((&beside, &result), (search, found))?;
     let free = result.fit.model.terms.iter().any(|t| all.is_free(t.hypothesis));
     // Laws are never exact, and data that contradict them are many: a free-form error may absorb only that. Several
@@ -222,8 +224,10 @@ fn searched_beside<'a>(
         return if choice.has_free && in_reach { from(&choice.model).map(Some) } else { Ok(None) };
     }
     // From the nominal model it takes as long as all that was done before, and mounts must be displaced again: where that is much,
-    // the start is the most probable linear model.
-    let costly = wide.problem.budget.share_of_session() > A_STAGE || !found.fit.model.group.is_empty();
+    // the start is the most probable linear model. With neither causes nor displaced mounts the nominal model is what was found.
+    let is_nominal = found.fit.model.terms.is_empty() && found.fit.model.group.is_empty();
+    let much = wide.problem.budget.share_of_session() > A_STAGE && !is_nominal;
+    let costly = much || !found.fit.model.group.is_empty();
     if costly && let Some(choice) = free_form_start(wide, found)? {
         return from(if choice.has_free { &choice.model } else { &found.fit.model }).map(Some);
     }
@@ -234,6 +238,35 @@ fn searched_beside<'a>(
     let other = from(&found.fit.model)?;
     let better = log_odds((&other.0, &other.1), (&best.0, &best.1))? > 0.0;
     Ok(Some(if better { other } else { best }))
+}
+
+/// Mounts were displaced where no free-form error was known: beside one they are as modelled where that is more probable.
+fn with_or_without_mounts<'a>(
+    (displaced, result): (Search<'a>, Found),
+    nominal: &Model,
+) -> Result<(Search<'a>, Found)> {
+    let free = |h: usize| displaced.catalogue.is_free(h);
+    let columns = result.fit.model.group.len() - nominal.group.len().min(result.fit.model.group.len());
+    if columns == 0 || !result.fit.model.terms.iter().any(|t| free(t.hypothesis)) {
+        return Ok((displaced, result));
+    }
+    // The mounts are the first columns.
+    let mut as_modelled = displaced.clone();
+    let Group { columns: all, prior_std, positive } = &mut as_modelled.group;
+    all.drain(..columns);
+    prior_std.drain(..columns);
+    positive.drain(..columns.min(positive.len()));
+    let model = Model { group: nominal.group.clone(), ..result.fit.model.clone() };
+    let fit = as_modelled.fit(&model, result.noise, SOLVER.loose_steps)?;
+    let mut without = Found { fit, ..result.clone() };
+    if log_odds((&displaced, &result), (&as_modelled, &without))? + LOG_PRIOR_STRUCTURE > 0.0 {
+        return Ok((displaced, result));
+    }
+    without.trace.push("beside free-form errors the mounts are as modelled".into());
+    // What was found beside displaced mounts may be needless beside mounts as modelled, or something may be in its place.
+    let mut found = as_modelled.run(without.fit.model)?;
+    found.trace.splice(0..0, without.trace);
+    Ok((as_modelled, found))
 }
 
 /// Log posterior odds of one search's result against another's, both at the smaller of their noises.

@@ -18,7 +18,7 @@ use crate::diagnose::random_effects::outlier_tolerances::{name_outlying, put_bac
 use crate::diagnose::random_effects::small_errors::Kind;
 use crate::diagnose::selection::large_members::choose_members;
 use crate::diagnose::selection::linear_search::by_linear_models;
-use crate::diagnose::selection::nonparametric::{Unexplained, log_odds, unexplained};
+use crate::diagnose::selection::nonparametric::{Unexplained, log_odds, retract_imitators, unexplained};
 use crate::diagnose::selection::search::{Found, Search};
 use crate::diagnose::selection::tolerance_rounds::{linear_rounds, one_at_a_time};
 use crate::error::Result;
@@ -121,15 +121,22 @@ pub(crate) fn beside_geometry<'a>(
     if !settled && (better || pieces || free) {
         let with = seen_size(&search.held_out(&found.fit.model, found.noise)?);
         let without = seen_size(&its_search.held_out(&alone.fit.model, alone.noise)?);
-        better = if free && known && is_refuted(without, with) {
+        // What is told beside free-form errors: no causes that imitate them.
+        let mut named = alone.clone();
+        retract_imitators(its_search, &mut named)?;
+        let told_without = match named.fit.model.terms.len() < alone.fit.model.terms.len() {
+            true => seen_size(&its_search.held_out(&named.fit.model, named.noise)?),
+            false => without,
+        };
+        better = if free && known && is_refuted(told_without, with) {
             true
         } else {
             (better || pieces) && with < LEAST_HELD_OUT_RATIO * without
         };
         // One error of no name at one place is an answer; errors in many places are the small errors' pieces.
         if !better && free && known && in_pieces {
-            let named_alone = seen_size(&its_search.held_out_of_causes(&alone.fit.model, alone.noise)?);
             // Free-form errors that fit better cannot be added to a model.
+            let named_alone = seen_size(&its_search.held_out_of_causes(&named.fit.model, named.noise)?);
             if with < MAJORITY * named_alone {
                 better = true;
                 let left = its_search.deformation(&alone.fit.model);
