@@ -28,7 +28,7 @@ def breakdown(scored: list[Scored]) -> dict[str, Any]:
         "found_by_robot": _by(pairs, lambda c, _: str(c.answer.get("robot", ""))),
         "invented_by_effect": dict(
             Counter(
-                str(x["effect"]) for c in scored if c.kind != "outside" for x in invented(c)
+                str(x["effect"]) for c in scored if c.kind not in ("outside", "mixed") for x in invented(c)
             ).most_common()
         ),
         "outside_by_kind": {

@@ -34,6 +34,10 @@ def check_options(options: Options, planned: Sequence[str] = ()) -> None:
         raise BlindError(
             "renderer: got mitsuba, which draws pictures; add --pictures, or leave the renderer out"
         )
+    if options.outside_beside > 0 and (options.mistakes or options.accidents):
+        raise BlindError(
+            f"outside beside: got {options.outside_beside} with {'mistakes' if options.mistakes else 'accidents'}, which stand alone; leave one of them out"
+        )
     if planned and (options.mistakes or options.accidents):
         raise BlindError(
             f"effect: got {planned[0]} with sessions whose {'mistakes' if options.mistakes else 'accidents'} are drawn; leave one of them out"

@@ -47,7 +47,7 @@ class Scored:
         if not self.truths:
             return "none"
         if any(t["effect"] == "unknown" for t in self.truths):
-            return "outside"
+            return "outside" if len(self.truths) == 1 else "mixed"
         return "single" if len(self.truths) == 1 else "several"
 
 
@@ -143,6 +143,27 @@ def outside_verdict(case: Scored) -> dict[str, bool]:
         "right_place": right_place,
         "confidently_wrong": wrong,
         "false_cause": any(c.get("probability", 1.0) >= CONFIDENT for c in false),
+    }
+
+
+def mixed_verdict(case: Scored) -> dict[str, bool]:
+    """An effect from outside the vocabulary beside causes of it: the place of what has no name is told, no other cause is, and not
+    that all is explained."""
+    (truth,) = (t for t in case.truths if t["effect"] == "unknown")
+    at = truth["at"].split("<-")[0]
+    named = {t["at"] for t in case.truths if t is not truth} | {c["at"] for c in case.answer.get("setup", [])}
+    where = case.said.get("where", [])
+    unnamed = [w["at"] for w in where if w.get("depends_on")] or [
+        w["at"] for w in where if w["at"] not in named | {"robot"}
+    ]
+    right_place = at in {place.split("<-")[0] for place in unnamed[:2]}
+    mimics = set(rivals_of(case, truth)) & {name_of(c) for c in case.causes}
+    false = any(c.get("probability", 1.0) >= CONFIDENT for c in invented(case))
+    verdict = case.said.get("verdict")
+    return {
+        "met": (verdict in ("unknown", "partial") and right_place) or bool(mimics),
+        "false_cause": false,
+        "confidently_wrong": verdict == "explained" and not mimics,
     }
 
 

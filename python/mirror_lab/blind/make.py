@@ -26,7 +26,7 @@ from .resting import rest_elsewhere
 from .seal import seal
 from .setup_judge import judge_by_hand
 from .shrinkage import keep_pixels
-from .simulate import Case, Options, simulate
+from .simulate import Case, Options, Part, simulate
 from .whole_file import remove_unfinished, whole_folder
 from .write import write_session
 
@@ -41,6 +41,8 @@ COMBINABLE_ONCE = {
 """At most one of these in a session with several causes: two optical ones hide each other."""
 ATTEMPTS = 20
 NOT_AMONG_SEVERAL = {"geometry", "pairing"}
+OF_ONE_CAUSE = {"detectable", "identifiable", "rivals", "gain", "margin"}
+"""What is judged of each cause."""
 
 
 def draw_causes(rng: np.random.Generator, options: Options, vocabulary: Sequence[str]) -> list[str]:
@@ -57,6 +59,15 @@ def draw_causes(rng: np.random.Generator, options: Options, vocabulary: Sequence
     if rng.random() < options.outside_share:
         return [str(rng.choice(sorted(OUTSIDE)))]
     number = int(rng.integers(max(1, low), high + 1)) if high >= 1 else 0
+    names = _named(rng, number, vocabulary)
+    if options.outside_beside > 0 and names and not NOT_AMONG_SEVERAL & set(names):
+        # Asked for by share: nothing is drawn where none is wanted, and sets without it stay as they are.
+        names += [str(rng.choice(sorted(OUTSIDE)))] if rng.random() < options.outside_beside else []
+    return names
+
+
+def _named(rng: np.random.Generator, number: int, vocabulary: Sequence[str]) -> list[str]:
+    """So many effects of the vocabulary that may stand in one session."""
     if number == 1:
         return [str(rng.choice(vocabulary))]
     names: list[str] = []
@@ -133,24 +144,52 @@ def _make(job: _Job) -> str:
         exact = copy.deepcopy(rng)
         try:
             case = simulate(job.name, kind, draws, rng, job.options)
-            judged = case
-            if job.options.imperfect > 0 and not _is_mistaken(case):
-                # What is identifiable is so without the small errors beside it.
-                judged = simulate(job.name, kind, draws, exact, replace(job.options, imperfect=0.0))
+            parts = _judged_parts(job, kind, draws, exact, case)
             break
         except (NoPlaceError, UnstableError):
             # Three springs on an arm with two loaded joints: this robot cannot have them, or not stand with them; another draw is taken.
             if job.planned is not None or attempt == ATTEMPTS - 1:
                 raise
     # The causes are told on the way: which of them can be identified is written into each.
-    report = _judged(judged)
+    report, judged = _report(parts)
     # With small errors other frames are seen, and what is drawn after them differs: the session's own values stay.
-    pairs = zip(judged.answer["causes"], case.answer["causes"], strict=True)
+    pairs = zip(judged, case.answer["causes"], strict=True)
     case.answer |= report | {"seed": seed, "causes": [of_judge | own for of_judge, own in pairs]}
     if job.options.rest_rad > 0 and case.logged_off_rad is None:
         rest_elsewhere(case, job.options.rest_rad, rng)
     save(case, job.out, rng)
     return job.name
+
+
+def _judged_parts(
+    job: _Job, kind: str, draws: Sequence[str], exact: np.random.Generator, case: Case
+) -> list[Case]:
+    """The sessions in which its causes are judged: what is identifiable is so without small errors beside it, and without an
+    effect from outside the vocabulary beside it."""
+    if _is_mistaken(case):
+        return [case]
+    options = replace(job.options, imperfect=0.0)
+    if len(draws) > 1 and any(d in OUTSIDE for d in draws):
+        parts: tuple[Part, ...] = ("named", "outside")
+        return [simulate(job.name, kind, draws, copy.deepcopy(exact), options, part) for part in parts]
+    return [case] if job.options.imperfect == 0 else [simulate(job.name, kind, draws, exact, options)]
+
+
+def _report(parts: Sequence[Case]) -> tuple[dict[str, Any], list[dict[str, Any]]]:
+    """What the data can show of a session's causes, and these causes in their order; each part is judged by itself."""
+    if len(parts) == 1:
+        return _judged(parts[0]), parts[0].answer["causes"]
+    report: dict[str, Any] = {}
+    causes: list[dict[str, Any]] = []
+    for part in parts:
+        of_part = _judged(part)
+        own = part.answer["causes"]
+        if len(own) == 1:
+            own = [{key: of_part[key] for key in OF_ONE_CAUSE if key in of_part} | own[0]]
+        causes += own
+        for key in ("detectable", "identifiable"):
+            report[key] = report.get(key, True) and all(c[key] for c in own)
+    return report, causes
 
 
 def _is_mistaken(case: Case) -> bool:

@@ -27,6 +27,7 @@ from .comparison import (
     found_or_tied,
     identifiable,
     invented,
+    mixed_verdict,
     name_of,
     normalised_errors,
     outside_verdict,
@@ -144,6 +145,11 @@ def score(cases: Path, results: Path, leave_out: str | None = None) -> dict[str,
     unclear = [c for c in single if not identifiable(c, c.truths[0])]
     pairs = [(c, t) for c in several for t in c.truths if identifiable(c, t)]
     verdicts = {c.name: outside_verdict(c) for c in outside}
+    mixed = [c for c in scored if c.kind == "mixed"]
+    beside = {c.name: mixed_verdict(c) for c in mixed if identifiable(c, c.truths[-1])}
+    named_beside = [
+        (c, t) for c in mixed for t in c.truths if t["effect"] != "unknown" and identifiable(c, t)
+    ]
     clear_outside = [c for c in outside if identifiable(c, c.truths[0])]
     claims = [(float(x["probability"]), name_of(x) in true_names(c)) for c in scored for x in c.causes]
     errors = [z for c in scored for z in normalised_errors(c)]
@@ -178,6 +184,10 @@ def score(cases: Path, results: Path, leave_out: str | None = None) -> dict[str,
             [verdicts[c.name]["confidently_wrong"] for c in clear_outside]
         ).as_json(),
         "outside_false_cause": rate([verdicts[c.name]["false_cause"] for c in clear_outside]).as_json(),
+        "mixed_named_found": rate([found(c, t) for c, t in named_beside]).as_json(),
+        "mixed_place": rate([v["met"] for v in beside.values()]).as_json(),
+        "mixed_false_cause": rate([v["false_cause"] for v in beside.values()]).as_json(),
+        "mixed_explained": rate([v["confidently_wrong"] for v in beside.values()]).as_json(),
         "by_effect": by_effect,
         "breakdown": breakdown(scored),
         "confusion": confusion(clear),
@@ -245,6 +255,10 @@ def failures(scored: list[Scored]) -> list[dict[str, Any]]:
             wrong = bool(invented(c)) if "setup" in c.answer else c.said.get("verdict") != "none"
         elif c.kind == "outside":
             wrong = identifiable(c, c.truths[0]) and not outside_verdict(c)["met"]
+        elif c.kind == "mixed":
+            told = mixed_verdict(c)
+            lost = any(identifiable(c, t) and not found(c, t) for t in c.truths[:-1])
+            wrong = lost or told["false_cause"] or (identifiable(c, c.truths[-1]) and not told["met"])
         else:
             wrong = any(identifiable(c, t) and not found(c, t) for t in c.truths) or bool(invented(c))
         if wrong:

@@ -32,6 +32,14 @@ TARGETS = {
         "<=",
         None,
     ),
+    "mixed_named_found": (
+        "Causes beside an effect outside the vocabulary: identifiable ones found",
+        ">=",
+        None,
+    ),
+    "mixed_place": ("Beside causes, outside the vocabulary: its place is told", ">=", None),
+    "mixed_false_cause": ("Beside causes, outside the vocabulary: a false cause", "<=", None),
+    "mixed_explained": ("Beside causes, outside the vocabulary: told as explained", "<=", None),
 }
 """The required figures, shown at the head of the page."""
 

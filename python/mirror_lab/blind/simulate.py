@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import mujoco
 import numpy as np
@@ -48,6 +48,8 @@ class Options:
     causes: tuple[int, int] = (0, 4)
     outside_share: float = 0.15
     """Share of sessions with an effect that the vocabulary does not have."""
+    outside_beside: float = 0.0
+    """Share of the sessions with causes of the vocabulary that have an effect from outside it beside them."""
     none_share: float = 0.12
     simple_laws: bool = False
     plain_noise: bool = False
@@ -267,12 +269,29 @@ def see(
     return Seen(corners_px, blobs.reshape(frames, m, 2), view, found)
 
 
-def simulate(name: str, kind: str, draws: Sequence[str], rng: np.random.Generator, options: Options) -> Case:
-    """One session with the named causes (of the vocabulary or outside it, whole mistakes, slips), in memory."""
+Part = Literal["all", "named", "outside"]
+"""Which of a session's causes are in it."""
+
+
+def simulate(
+    name: str,
+    kind: str,
+    draws: Sequence[str],
+    rng: np.random.Generator,
+    options: Options,
+    part: Part = "all",
+) -> Case:
+    """One session with the named causes (of the vocabulary or outside it, whole mistakes, slips), in memory.
+
+    Where one from outside the vocabulary stands beside others, `part` tells whether the session has all of them, only those that have a
+    name, or only that from outside: each at the same place and of the same size.
+    """
     made = MISTAKES | ACCIDENTS
     mistakes = [d for d in draws if d in made]
     slips = [d for d in draws if d in SLIPS]
     draws = [d for d in draws if d not in made and d not in SLIPS]
+    beside = [d for d in draws if d in OUTSIDE] if len(draws) > 1 else []
+    draws = [d for d in draws if d not in beside]
     robot = draw_robot(kind, rng)
     tilt = rng.normal(0, 0.12, 2) if rng.random() < 0.35 else np.zeros(2)
     gravity = 9.81 * np.array(
@@ -290,6 +309,14 @@ def simulate(name: str, kind: str, draws: Sequence[str], rng: np.random.Generato
     causes: list[Cause] = []
     for effect in draws:
         causes.append(_draw_apart(effect, rng, scene, truth, causes))
+    # A generator of its own: with and without it the other causes and the mounts are the same.
+    apart = rng.spawn(1)[0] if beside else rng
+    if part == "outside":
+        truth = Truth()
+    for effect in beside if part != "named" else []:
+        causes.append(_draw_apart(effect, apart, scene, truth, causes))
+    if part == "outside":
+        causes = causes[-len(beside) :]
     small: list[Cause] = []
     if options.imperfect > 0:
         # A generator of its own: with and without small errors causes and mounts are the same. Not all that follows is, because mirrors

@@ -69,6 +69,14 @@ def make(
             help="Share with an effect outside the vocabulary; 0.15 by default, none where the set-up is by hand.",
         ),
     ] = None,
+    outside_beside: Annotated[
+        float,
+        typer.Option(
+            min=0,
+            max=1,
+            help="Share of the sessions with causes that have an effect outside the vocabulary beside them.",
+        ),
+    ] = 0.0,
     effect: Annotated[str | None, typer.Option(help="Only sessions with this single effect.")] = None,
     frames: Annotated[
         tuple[int, int], typer.Option(help="Least and largest number of frames of a session.")
@@ -152,6 +160,7 @@ def make(
         options = Options(
             causes=(least, most),
             outside_share=(0.0 if setup == "by-hand" else 0.15) if outside is None else outside,
+            outside_beside=outside_beside,
             pictures=pictures,
             frames=frames,
             renderer=renderer,
