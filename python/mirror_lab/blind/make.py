@@ -41,7 +41,7 @@ COMBINABLE_ONCE = {
 """At most one of these in a session with several causes: two optical ones hide each other."""
 ATTEMPTS = 20
 NOT_AMONG_SEVERAL = {"geometry", "pairing"}
-OF_ONE_CAUSE = {"detectable", "identifiable", "rivals", "gain", "margin"}
+OF_ONE_CAUSE = {"detectable", "identifiable", "rivals", "gain", "margin", "closest", "chi2_left"}
 """What is judged of each cause."""
 
 

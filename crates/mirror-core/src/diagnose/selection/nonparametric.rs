@@ -164,12 +164,8 @@ pub(crate) fn beside_free_forms<'a>(
     }
     let terms = found.fit.model.terms.len();
     let mounts_free = !found.fit.model.group.is_empty();
-    // Where the causes suffice, free-form errors must do with fewer; where they do with displaced mounts, with one.
-    let most_causes = match (enough, mounts_free) {
-        (false, _) => search.options.most_causes,
-        (true, false) => terms.saturating_sub(1).max(1),
-        (true, true) => 1,
-    };
+    // Where the causes suffice, with or without displaced mounts, free-form errors must do with fewer.
+    let most_causes = if enough { terms.saturating_sub(1).max(1) } else { search.options.most_causes };
     // Beside a free warp of all pictures an offset of the markers' alone would take a part of that.
     let own = |h: usize| found.fit.model.terms.iter().any(|t| t.hypothesis == h);
     let of_detection = (0..all.hypotheses.len()).filter(|&h| all.effect(h).is_of_detection() && !own(h));

@@ -113,7 +113,7 @@ pub(crate) fn beside_geometry<'a>(
     // Many pieces together can imitate what they are not. They were selected on the same regions that are held out;
     // the group was not. So their better prediction does not outweigh evidence for the group that is twice what its
     // prior requires. The group's better prediction may outweigh evidence.
-    let in_pieces = places(its_search, alone) >= SEVERAL_CAUSES;
+    let in_pieces = places(its_search, alone, |_| true) >= SEVERAL_CAUSES;
     let pieces = in_pieces && odds > -BEYOND_DOUBT;
     // So can fewer of them where no views show the noise of measured points: what they leave is taken for noise.
     let few = its_search.problem.camera.is_none() && !alone.fit.model.terms.is_empty();
@@ -134,7 +134,8 @@ pub(crate) fn beside_geometry<'a>(
             (better || pieces) && with < LEAST_HELD_OUT_RATIO * without
         };
         // One error of no name at one place is an answer; errors in many places are the small errors' pieces.
-        if !better && free && known && in_pieces {
+        let is_free = |t: &Term| its_search.catalogue.is_free(t.hypothesis);
+        if !better && known && in_pieces && places(its_search, alone, is_free) > 1 {
             // Free-form errors that fit better cannot be added to a model.
             let named_alone = seen_size(&its_search.held_out_of_causes(&named.fit.model, named.noise)?);
             if with < MAJORITY * named_alone {
@@ -247,10 +248,10 @@ fn is_refuted(free_forms_gap: f64, small_errors_gap: f64) -> bool {
     small_errors_gap < MAJORITY * free_forms_gap
 }
 
-/// How many different places the causes and free-form errors have.
-fn places(search: &Search<'_>, found: &Found) -> usize {
+/// How many different places those of the causes and free-form errors have that are `counted`.
+fn places(search: &Search<'_>, found: &Found, counted: impl Fn(&Term) -> bool) -> usize {
     let mut seen = Vec::new();
-    for term in &found.fit.model.terms {
+    for term in found.fit.model.terms.iter().filter(|t| counted(t)) {
         let place = search.catalogue.hypotheses[term.hypothesis].place;
         let at = place.node().map_or_else(|| Err(place), Ok);
         if !seen.contains(&at) {
