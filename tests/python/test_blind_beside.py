@@ -1,4 +1,4 @@
-"""What comes beside causes and mistakes: small errors, mounts, joints that rest elsewhere; and the names of two sides."""
+"""What comes beside causes and mistakes: small errors, mounts, joints that rest elsewhere, effects without a name; and the names of two sides."""
 
 from __future__ import annotations
 
@@ -14,10 +14,12 @@ import pytest
 pytest.importorskip("mujoco", reason="blind sessions need MuJoCo")
 
 from mirror_lab.blind import make
+from mirror_lab.blind.effects import VOCABULARY
 from mirror_lab.blind.imperfect import GEAR_RAD
 from mirror_lab.blind.make import make_cases
 from mirror_lab.blind.mistakes import Told, column_of, left_right, told_truly
 from mirror_lab.blind.mounting import TURN_RAD
+from mirror_lab.blind.outside import OUTSIDE
 from mirror_lab.blind.simulate import KINDS, Case, Options, simulate
 from mirror_lab.blind.views import plan_postures
 
@@ -134,3 +136,35 @@ def test_the_two_sides_of_every_humanoid_are_known(kind: str, example: tuple[str
     causes = left_right(rng, case, told)  # type: ignore[arg-type]
     places = {tuple(p.removeprefix("joint:") for p in c["at"].split("<->")) for c in causes}
     assert example in places and len(places) == pairs
+
+
+def test_a_cause_beside_one_without_a_name_is_judged_without_it_and_it_without_the_cause(
+    tmp_path: Path,
+) -> None:
+    plan = [("one", "small", ["gear_ratio", "knee"])]
+    make_cases(tmp_path, 1, 4, QUICK, plan)
+    answer = json.loads((tmp_path / "answers" / "one.json").read_text(encoding="utf-8"))
+    gear, knee = answer["causes"]
+    assert (gear["effect"], knee["effect"], knee["kind"]) == ("gear_ratio", "unknown", "knee")
+    assert gear["at"] != knee["at"]
+    for part, own in (("named", gear), ("outside", knee)):
+        alone = simulate("one", "small", plan[0][2], np.random.default_rng([4, 0]), QUICK, part)
+        (cause,) = alone.answer["causes"]
+        assert cause == {key: own[key] for key in cause}, "the same place and size"
+        report = make._judged(alone)
+        assert (own["identifiable"], own["rivals"]) == (report["identifiable"], report["rivals"])
+    assert answer["identifiable"] == (gear["identifiable"] and knee["identifiable"])
+
+
+def test_so_many_sessions_as_asked_have_one_without_a_name_beside_their_causes() -> None:
+    def drawn(share: float, number: int) -> list[str]:
+        options = Options(causes=(1, 2), outside_share=0.0, outside_beside=share)
+        return make.draw_causes(np.random.default_rng(number), options, sorted(VOCABULARY))
+
+    all_beside = [drawn(1.0, k) for k in range(40)]
+    alone = [len(d) == 1 for d in all_beside]
+    assert all(d[-1] in OUTSIDE or d[0] in ("geometry", "pairing") for d in all_beside)
+    assert not any(d in OUTSIDE for draws in all_beside for d in draws[:-1]) and sum(alone) < 10
+    half = sum(drawn(0.5, k)[-1] in OUTSIDE for k in range(200))
+    assert 70 < half < 120
+    assert not any(set(drawn(0.0, k)) & set(OUTSIDE) for k in range(40))

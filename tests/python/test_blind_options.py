@@ -39,6 +39,8 @@ def refused(line: str) -> str:
         ("--setup by-hand --outside 0 --effect geometry", "needed an exact set-up"),
         ("--effect drift --mistakes", "leave one of them out"),
         ("--effect drift --accidents", "leave one of them out"),
+        ("--outside-beside 0.5 --mistakes", "which stand alone; leave one of them out"),
+        ("--outside-beside 0.5 --accidents", "which stand alone; leave one of them out"),
         ("--pictures --effect markers_swapped", "leave out --pictures"),
         ("--pictures --effect slip_board", "leave out --pictures"),
         ("--pictures --effect column_zero", "leave out --pictures"),

@@ -12,7 +12,7 @@ import pytest
 
 pytest.importorskip("mujoco", reason="blind sessions need MuJoCo")
 
-from mirror_lab.blind.comparison import Scored, invented, normalised_errors, outside_verdict
+from mirror_lab.blind.comparison import Scored, invented, mixed_verdict, normalised_errors, outside_verdict
 from mirror_lab.blind.first_day_score import outcome
 from mirror_lab.blind.make import make_cases
 from mirror_lab.blind.score import score
@@ -113,6 +113,34 @@ def test_what_has_no_name_is_met_at_its_place_beside_mounts_of_larger_shares() -
     wrong = _beside_mounts("explained", [*mounts, {"at": "joint:j", "share": 0.1}], [*named, "drift@joint:j"])
     assert wrong["confidently_wrong"] and not wrong["met"]
     assert not _beside_mounts("explained", mounts, named)["confidently_wrong"]
+
+
+def test_what_has_no_name_beside_a_cause_is_met_at_its_place(tmp_path: Path) -> None:
+    gear = {"effect": "gear_ratio", "at": "joint:k", **SHOWN}
+    knee = {"effect": "unknown", "at": "joint:j", "kind": "knee", **SHOWN}
+    at_gear, at_knee = (
+        {"at": "joint:k", "share": 0.8},
+        {"at": "joint:j", "share": 0.2, "depends_on": "position"},
+    )
+
+    def told(verdict: str, where: list[dict[str, Any]], said: list[str]) -> dict[str, bool]:
+        causes = [dict(zip(("effect", "at"), name.split("@"), strict=True)) for name in said]
+        document = {"verdict": verdict, "causes": causes, "where": where}
+        return mixed_verdict(Scored("mixed", {"causes": [gear, knee]}, document))
+
+    met = told("partial", [at_gear, at_knee], ["gear_ratio@joint:k"])
+    assert met == {"met": True, "false_cause": False, "confidently_wrong": False}
+    elsewhere = told("partial", [at_gear, {**at_knee, "at": "joint:m"}], ["gear_ratio@joint:k"])
+    assert not elsewhere["met"]
+    pieces = told("explained", [at_gear], ["gear_ratio@joint:k", "drift@joint:j"])
+    assert pieces == {"met": False, "false_cause": True, "confidently_wrong": True}
+    for name, said in (("found", ["gear_ratio@joint:k"]), ("lost", [])):
+        _session(tmp_path, name, [gear, knee], "partial", said)
+    got = score(tmp_path / "cases", tmp_path / "results")
+    assert (got["mixed_named_found"]["hits"], got["mixed_named_found"]["of"]) == (1, 2)
+    assert (got["mixed_place"]["hits"], got["mixed_place"]["of"]) == (0, 2)
+    assert got["mixed_explained"]["hits"] == got["mixed_false_cause"]["hits"] == 0
+    assert got["outside_met"]["of"] == got["several_identifiable_found"]["of"] == 0
 
 
 def _told(truths: list[dict[str, Any]], verdict: str, said: list[str], where: str = "camera") -> str:

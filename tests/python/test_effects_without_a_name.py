@@ -1,4 +1,4 @@
-"""Effects that the vocabulary lacks, where mounts or two causes of one joint suffice to absorb them: sessions of the blind check that were
+"""Effects that the vocabulary lacks, alone or beside causes of it, where mounts or pieces suffice to absorb them: sessions of the blind check that were
 explained so. What makes them shares nothing with the diagnosis."""
 
 from __future__ import annotations
@@ -56,3 +56,25 @@ def test_beside_mounts_by_hand_it_is_told_at_its_place_and_no_gear_instead(
     likely = [c for c in told.causes if c.kind != "setup" and c.probability > 0.5]
     assert [c.effect for c in likely] in (["geometry"], []), likely
     assert [w.at for w in told.where if w.depends_on] == [true["at"]], told.where
+
+
+BESIDE = Options(causes=(1, 2), outside_share=0.0, outside_beside=1.0)
+
+
+@pytest.mark.parametrize(("number", "kind"), [(10, "bouc_wen"), (23, "rolling_shear")])
+def test_beside_causes_it_is_told_at_its_place_and_they_are_named(
+    number: int, kind: str, tmp_path: Path
+) -> None:
+    """A free-form error was compared alone with all pieces and displaced mounts that imitate it and the causes: these pieces were told,
+    at 0.99, as an explanation."""
+    rng = np.random.default_rng([32120101, number])
+    robot = str(rng.choice(list(BESIDE.robots)))
+    case = simulate("case", robot, draw_causes(rng, BESIDE, sorted(VOCABULARY)), rng, BESIDE)
+    *named, true = case.answer["causes"]
+    assert true["kind"] == kind and len(named) == 2
+    write_session(case, tmp_path / "case", rng)
+    told = mp.diagnose(tmp_path / "case")
+    assert told.verdict == "partial", told.sentence
+    likely = {(c.effect, c.at) for c in told.causes if c.probability > 0.5}
+    assert likely == {(c["effect"], c["at"]) for c in named}
+    assert {w.at for w in told.where if w.depends_on} == {true["at"]}, told.where
