@@ -22,7 +22,7 @@
 //!
 //! All diagnoses of a session share one budget of work. Where it is used up no further one begins, and the result says
 //! so: what was left out as false and lies together at one marker is then something unexplained, and a turned gravity that the next one would have left out is no more
-//! probable than what was not tested. A second diagnosis that ended at the limit is accepted only if it explains everything or leaves no larger gap.
+//! probable than what was not tested; so is a slip or a column's mistake where what is left has a law without a name. A second diagnosis that ended at the limit is accepted only if it explains everything or leaves no larger gap.
 
 mod reason;
 #[cfg(test)]
@@ -43,8 +43,8 @@ use crate::diagnose::report::reservations::LIMIT_REACHED;
 use crate::error::Result;
 use crate::robot::Robot;
 use reason::{
-    LATE, PAIRING, Reason, explains, hardly_slipped, has_no_size, is_late_by_nothing, is_of_a_column, left,
-    slip_together, takes_most,
+    LATE, PAIRING, Reason, explains, hardly_slipped, has_no_size, is_late_by_nothing, is_of_a_column,
+    leaves_a_law, left, slip_together, takes_most,
 };
 use std::collections::BTreeMap;
 
@@ -134,16 +134,18 @@ fn accepted(
         // It may give reason for doubt as any other diagnosis does.
         (found, mistakes, spoilt) = (second, its_mistakes, false);
     }
-    let mut doubted: &[&str] = &[];
-    for reason in Reason::all(&found, recording, &mistakes) {
+    let mut doubted: Vec<&str> = Vec::new();
+    let reasons = Reason::all(&found, recording, &mistakes);
+    for (i, &reason) in reasons.iter().enumerate() {
         if is_over(&mut found) {
             if reason == Reason::FalseTogether {
                 doubt_what_is_false(&mut found.diagnosis);
             }
-            // A slip or a delay is told with its remainder; a turned gravity turns the sign of every spring.
-            if reason == Reason::Gravity {
-                doubted = reason.without();
-            }
+            // A slip or a delay is told with its remainder, unless that is a law without a name, of which it may be a piece; a turned
+            // gravity turns the sign of every spring.
+            let law = leaves_a_law(&found.diagnosis.r#where);
+            let not_made = reasons[i..].iter().filter(|r| law || **r == Reason::Gravity);
+            doubted = not_made.flat_map(|r| r.without()).copied().collect();
             break;
         }
         let known = FirstResult { sought: reason.seeks(), ..found.known.clone() };

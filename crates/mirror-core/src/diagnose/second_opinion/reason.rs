@@ -2,7 +2,7 @@
 
 use crate::diagnose::assessment::false_together::lies_together;
 use crate::diagnose::data::depends_on::DependsOn;
-use crate::diagnose::data::diagnosis::{Cause, Diagnosis, Verdict};
+use crate::diagnose::data::diagnosis::{Cause, Diagnosis, Verdict, Where};
 use crate::diagnose::data::recording::Recording;
 use crate::diagnose::effects::vocabulary;
 use crate::diagnose::pipeline::Outcome;
@@ -311,6 +311,13 @@ pub(super) fn hardly_slipped(cause: &Cause) -> bool {
     cause.effect == SLIP
         && motion().count() > 0
         && motion().all(|(_, e)| e.value.abs() < 2.0 * FAR_DEVIATIONS * e.std)
+}
+
+/// Whether what is left has a law without a name: it depends on something that is not the posture's or the row's own.
+pub(super) fn leaves_a_law(r#where: &[Where]) -> bool {
+    let of_rows =
+        |d: &DependsOn| matches!(d, DependsOn::EachPosture | DependsOn::Row | DependsOn::RowsFrom(_));
+    r#where.iter().any(|place| place.depends_on.as_ref().is_some_and(|d| !of_rows(d)))
 }
 
 /// Whether two markers slip at one and the same row.

@@ -3,9 +3,10 @@
 use super::nearly_all_at_one;
 use super::reason::{
     FIRST_FRAME, LATE, Reason, SLIP, hardly_slipped, is_late_by_nothing, is_of_no_size, is_told_twice,
-    is_turned_in_vain, slip_together,
+    is_turned_in_vain, leaves_a_law, slip_together,
 };
-use crate::diagnose::data::diagnosis::{Cause, Estimate, Verdict};
+use crate::diagnose::data::depends_on::DependsOn;
+use crate::diagnose::data::diagnosis::{Cause, Estimate, Verdict, Where};
 use crate::diagnose::data::left_out::{LeftOut, Reason as Why};
 
 fn cause(effect: &str, at: &str) -> Cause {
@@ -113,4 +114,13 @@ fn what_is_false_of_one_marker_is_doubted_and_of_a_whole_limb_is_not() {
     assert_eq!(nearly_all_at_one(&[hand.clone(), forearm(9), board.clone()].concat()), Some(("l_hand", 27)));
     assert_eq!(nearly_all_at_one(&[hand, forearm(10)].concat()), None);
     assert_eq!(nearly_all_at_one(&board), None);
+}
+
+#[test]
+fn a_slip_may_be_a_piece_of_a_law_without_a_name_and_of_joints_that_scatter_it_is_none() {
+    let left = |depends_on| Where { at: "joint:a".into(), share: 0.1, depends_on };
+    let scattered = [left(None), left(Some(DependsOn::EachPosture)), left(Some(DependsOn::RowsFrom(9)))];
+    assert!(!leaves_a_law(&scattered));
+    assert!(leaves_a_law(&[left(None), left(Some(DependsOn::History))]));
+    assert!(leaves_a_law(&[left(Some(DependsOn::Nothing))]));
 }
