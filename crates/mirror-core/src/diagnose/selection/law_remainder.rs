@@ -3,7 +3,7 @@
 use crate::diagnose::criteria::cross_validation::{PostureGap, seen_size};
 use crate::diagnose::criteria::marker_shift::marker_shift;
 use crate::diagnose::effects::Place;
-use crate::diagnose::effects::hypothesis::{Catalogue, Term};
+use crate::diagnose::effects::hypothesis::{Catalogue, Model, Term};
 use crate::diagnose::principles::{Count, SEVERAL_CAUSES};
 use crate::diagnose::random_effects::law_columns::LAW_SHARE;
 use crate::diagnose::selection::nonparametric::{are_together, elsewhere};
@@ -47,26 +47,31 @@ pub(crate) fn only_their_laws(
     }
     let after = search.held_out(&at_its_places, found.noise)?;
     let after_free = its_search.held_out(other, with_free.noise)?;
-    Ok(remainder_share(search, found, &after, Some(&after_free))? < LAW_SHARE.powi(2))
+    // A law errs by a part of what its own cause moves, not of what another one does.
+    let place = |h: usize| all.hypotheses[h].place;
+    let errs = |c: &Term| {
+        let mut free = other.terms.iter().filter(|t| all.is_free(t.hypothesis));
+        free.any(|t| are_together(place(c.hypothesis), place(t.hypothesis)))
+    };
+    let mut others = at_its_places;
+    others.terms.retain(|c| !errs(c));
+    Ok(remainder_share(search, found, (&others, &after), &after_free)? < LAW_SHARE.powi(2))
 }
 
-/// The remainder above the noise (or above `least`, another model's remainder), squared, as a share of what the
-/// causes move.
+/// The remainder above the noise, or above the `least` of another model, squared, as a share of what the causes move beside `others`.
 fn remainder_share(
     search: &Search<'_>,
     found: &Found,
-    after: &[PostureGap],
-    least: Option<&[PostureGap]>,
+    (others, after): (&Model, &[PostureGap]),
+    least: &[PostureGap],
 ) -> Result<f64> {
-    let mut none = found.fit.model.clone();
-    none.terms.clear();
     let noise = search.measured_noise;
-    let (from, to) = (search.deformation(&none), search.deformation(&found.fit.model));
+    let (from, to) = (search.deformation(others), search.deformation(&found.fit.model));
     let moved = marker_shift(&search.problem, &from, &to, noise)?;
     let moved = moved.iter().sum::<f64>() / moved.len().max(1) as f64;
     let unit = search.problem.of_observations(noise);
     let axes = if search.problem.camera.is_some() { 2.0 } else { 3.0 };
     let square = |gaps: &[PostureGap]| (seen_size(gaps) / unit).powi(2);
-    let left = square(after) - least.map_or(axes, |gaps| square(gaps).max(axes));
+    let left = square(after) - square(least).max(axes);
     Ok(if moved > 0.0 { left.max(0.0) / moved } else { f64::INFINITY })
 }

@@ -163,9 +163,8 @@ pub(crate) fn beside_free_forms<'a>(
         return Ok(None);
     }
     let terms = found.fit.model.terms.len();
-    let mounts_free = !found.fit.model.group.is_empty();
-    // Where the causes suffice, with or without displaced mounts, free-form errors must do with fewer.
-    let most_causes = if enough { terms.saturating_sub(1).max(1) } else { search.options.most_causes };
+    // Where the causes suffice, with or without displaced mounts, free-form errors must do with no more.
+    let most_causes = if enough { terms.max(1) } else { search.options.most_causes };
     // Beside a free warp of all pictures an offset of the markers' alone would take a part of that.
     let own = |h: usize| found.fit.model.terms.iter().any(|t| t.hypothesis == h);
     let of_detection = (0..all.hypotheses.len()).filter(|&h| all.effect(h).is_of_detection() && !own(h));
@@ -184,8 +183,9 @@ pub(crate) fn beside_free_forms<'a>(
     let free = result.fit.model.terms.iter().any(|t| all.is_free(t.hypothesis));
     // Laws are never exact, and data that contradict them are many: a free-form error may absorb only that. Several
     // causes, or causes and displaced mounts, that suffice are pieces that together may imitate one law: what takes
-    // the place of all of them absorbs nothing.
-    let in_place_of_pieces = enough && (mounts_free || terms > 1);
+    // the place of several absorbs nothing.
+    let pieces = |model: &Model| model.terms.len() + usize::from(!model.group.is_empty());
+    let in_place_of_pieces = enough && pieces(&result.fit.model) < pieces(&found.fit.model);
     let prior = if free && !in_place_of_pieces { LOG_PRIOR_STRUCTURE } else { 0.0 };
     Ok(Some(BesideFreeForms { search: beside, found: result, log_odds: odds + prior }))
 }
