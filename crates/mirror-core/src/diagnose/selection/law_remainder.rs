@@ -16,7 +16,7 @@ pub(crate) const MANY_CAUSES: Count = SEVERAL_CAUSES + 1;
 /// Whether free-form errors only show that the causes found do not follow their textbook laws exactly: they are at
 /// the causes' own places, and what they explain in addition is a small part of what the causes move.
 ///
-/// More causes than those of the other model are pieces that may together imitate one law. They are not where each of its places has one
+/// More causes than those of the other model, or several at the place of a free-form error, are pieces that may together imitate one law. They are not where each of its places has one
 /// cause, and these alone, without the others, leave as little. Optics have no laws that are only nearly followed.
 pub(crate) fn only_their_laws(
     search: &Search<'_>,
@@ -33,14 +33,16 @@ pub(crate) fn only_their_laws(
     if other.terms.iter().any(|t| all.is_free(t.hypothesis) && of_optics(t)) {
         return Ok(false);
     }
+    let place = |t: &Term| all.hypotheses[t.hypothesis].place;
+    let causes_at = |t: &Term| own.terms.iter().filter(|c| are_together(place(c), place(t))).count();
     let mut at_its_places = own.clone();
     if own.terms.len() > other.terms.len() {
-        let place = |t: &Term| all.hypotheses[t.hypothesis].place;
-        let causes_at = |t: &Term| own.terms.iter().filter(|c| are_together(place(c), place(t))).count();
         if other.terms.iter().any(|t| causes_at(t) != 1) {
             return Ok(false);
         }
         at_its_places.terms.retain(|c| other.terms.iter().any(|t| are_together(place(c), place(t))));
+    } else if other.terms.iter().any(|t| all.is_free(t.hypothesis) && causes_at(t) > 1) {
+        return Ok(false);
     }
     if !(1..=MANY_CAUSES).contains(&at_its_places.terms.len()) {
         return Ok(false);
@@ -48,10 +50,9 @@ pub(crate) fn only_their_laws(
     let after = search.held_out(&at_its_places, found.noise)?;
     let after_free = its_search.held_out(other, with_free.noise)?;
     // A law errs by a part of what its own cause moves, not of what another one does.
-    let place = |h: usize| all.hypotheses[h].place;
     let errs = |c: &Term| {
         let mut free = other.terms.iter().filter(|t| all.is_free(t.hypothesis));
-        free.any(|t| are_together(place(c.hypothesis), place(t.hypothesis)))
+        free.any(|t| are_together(place(c), place(t)))
     };
     let mut others = at_its_places;
     others.terms.retain(|c| !errs(c));
