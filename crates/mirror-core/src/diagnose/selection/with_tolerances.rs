@@ -131,7 +131,10 @@ pub(crate) fn beside_geometry<'a>(
         better = if free && known && is_refuted(told_without, with) {
             true
         } else {
-            (better || pieces) && with < LEAST_HELD_OUT_RATIO * without
+            // One of several pieces may have no name: evidence for the group that is twice what its prior requires needs no better prediction.
+            let likelier = better && in_pieces && odds > -LOG_PRIOR_STRUCTURE;
+            let most = if likelier { 1.0 } else { LEAST_HELD_OUT_RATIO };
+            (better || pieces) && with < most * without
         };
         // One error of no name at one place is an answer; errors in many places are the small errors' pieces.
         let is_free = |t: &Term| its_search.catalogue.is_free(t.hypothesis);
