@@ -128,13 +128,12 @@ pub(crate) fn beside_geometry<'a>(
             true => seen_size(&its_search.held_out(&named.fit.model, named.noise)?),
             false => without,
         };
-        better = if free && known && is_refuted(told_without, with) {
+        // One of several pieces may have no name: evidence for the group that is twice what its prior requires stands, unless it is refuted.
+        let likelier = better && in_pieces && odds > -LOG_PRIOR_STRUCTURE && !is_refuted(with, without);
+        better = if likelier || free && known && is_refuted(told_without, with) {
             true
         } else {
-            // One of several pieces may have no name: evidence for the group that is twice what its prior requires needs no better prediction.
-            let likelier = better && in_pieces && odds > -LOG_PRIOR_STRUCTURE;
-            let most = if likelier { 1.0 } else { LEAST_HELD_OUT_RATIO };
-            (better || pieces) && with < most * without
+            (better || pieces) && with < LEAST_HELD_OUT_RATIO * without
         };
         // One error of no name at one place is an answer; errors in many places are the small errors' pieces.
         let is_free = |t: &Term| its_search.catalogue.is_free(t.hypothesis);
@@ -245,10 +244,10 @@ fn drop_tolerances(search: &Search<'_>, geometry: &Geometry, found: &mut Found) 
     Ok(())
 }
 
-/// Whether a model with free-form errors is refuted by held-out prediction: the small errors predict the regions on which nothing was fitted to
-/// less than half of its gap. However well free-form errors fit, the robot has others then.
-fn is_refuted(free_forms_gap: f64, small_errors_gap: f64) -> bool {
-    small_errors_gap < MAJORITY * free_forms_gap
+/// Whether a model is refuted by held-out prediction: the other one predicts the regions on which nothing was fitted to less than half of its
+/// gap. However well free-form errors fit, the robot has others then.
+fn is_refuted(its_gap: f64, other_gap: f64) -> bool {
+    other_gap < MAJORITY * its_gap
 }
 
 /// How many different places those of the causes and free-form errors have that are `counted`.
