@@ -85,3 +85,16 @@ def test_beside_causes_it_is_told_at_its_place_and_they_are_named(
     likely = {(c.effect, c.at) for c in told.causes if c.probability > 0.5}
     assert likely == {(c["effect"], c["at"]) for c in named}
     assert {w.at for w in told.where if w.depends_on} == {true["at"]}, told.where
+
+
+BY_HAND_015 = Path(__file__).parents[3] / "shared" / "data" / "by-hand" / "hand-015"
+
+
+@pytest.mark.skipif(not BY_HAND_015.is_dir(), reason="the sessions by hand are not beside the project")
+def test_a_search_with_free_form_errors_at_its_limit_takes_nothing_from_what_is_left_without_them() -> None:
+    """The search for a play had come to its end; one with free-form errors did not, and these were dropped: each cause was told with
+    half its probability."""
+    told = mp.diagnose(BY_HAND_015)
+    assert told.verdict == "explained" and any("limit of work" in w for w in told.warnings)
+    (play,) = (c for c in told.causes if c.effect == "backlash")
+    assert play.at == "joint:left_shoulder_roll_joint" and play.probability > 0.9

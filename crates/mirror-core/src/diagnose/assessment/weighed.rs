@@ -36,7 +36,7 @@ pub(crate) fn weighed<'a>(
     nominal: &Model,
     prepared: &Prepared,
 ) -> Result<Findings<'a>> {
-    let Extended { mut geometry, erratic, unnamed, unnamed_law, clean } = extended;
+    let Extended { mut geometry, erratic, unnamed, unnamed_law, ended_with, clean } = extended;
     let scattered = search.scatter.map(|_| Unexplained::scattered());
     search.problem = clean;
     let unfinished = search.problem.budget.was_refused() && geometry.is_none();
@@ -60,6 +60,9 @@ pub(crate) fn weighed<'a>(
     }
     let needed_there = drop_useless(&mut search, &mut found, &mut after, geometry.as_ref())?;
     comes_down(&search, &mut found, &mut after)?;
+    // What is left without the free-form errors is what a search found that came to its end.
+    let causes: Vec<usize> = found.fit.model.terms.iter().map(|t| t.hypothesis).collect();
+    found.cut_off &= cut_off || !(with_free && ended_with.is_some_and(|ended| ended == causes));
     let mut standings = settled(&search, &mut found, &mut after, geometry.as_ref())?;
     if let Some(law) = unnamed_law {
         for (term, standing) in found.fit.model.terms.iter().zip(&mut standings) {

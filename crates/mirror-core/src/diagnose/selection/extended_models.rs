@@ -30,6 +30,8 @@ pub(crate) struct Extended {
     pub unnamed: Option<Unexplained>,
     /// A free-form error that is less probable than the causes found, which suffice.
     pub unnamed_law: Option<UnnamedLaw>,
+    /// The causes that a search without free-form errors found, if it came to its end before one with them took its place: hypotheses.
+    pub ended_with: Option<Vec<usize>>,
     /// The problem without the observations that the best model shows to be false.
     pub clean: Problem,
 }
@@ -47,7 +49,7 @@ impl Extended {
     pub fn nothing(search: &Search<'_>, found: &Found, setup: &Geometry) -> Result<Self> {
         let (clean, _) = without_false(&search.problem, &search.deformation(&found.fit.model), found.noise)?;
         let geometry = Some(setup.clone()).filter(|_| !found.fit.model.group.is_empty());
-        Ok(Self { geometry, erratic: None, unnamed: None, unnamed_law: None, clean })
+        Ok(Self { geometry, erratic: None, unnamed: None, unnamed_law: None, ended_with: None, clean })
     }
 }
 
@@ -105,6 +107,7 @@ pub(crate) fn extend_models<'a>(
     let enough = !fits_noise.significant && !fits_noise.corners_significant && !many_false;
     let mut unnamed_law = None;
     let mut has_free_forms = false;
+    let mut ended_with = None;
     if (freed || is_suspicious(search, found, all, &fits_noise, many_false)?)
         && let Some(beside) = beside_free_forms(search, found, all, nominal, enough)?
     {
@@ -113,6 +116,8 @@ pub(crate) fn extend_models<'a>(
             unnamed_law = UnnamedLaw::of(&beside).filter(|_| enough);
         } else if !only_their_laws(search, found, (&beside.search, &beside.found), all)? {
             let trace = core::mem::take(&mut found.trace);
+            let causes = found.fit.model.terms.iter().map(|t| t.hypothesis).collect();
+            ended_with = (!found.cut_off).then_some(causes);
             (*search, *found) = (beside.search, beside.found);
             found.trace.splice(0..0, trace);
             has_free_forms = true;
@@ -153,5 +158,5 @@ pub(crate) fn extend_models<'a>(
         (clean, _) = without_false(search, found)?;
     }
     geometry = geometry.filter(|_| !found.fit.model.group.is_empty());
-    Ok(Extended { geometry, erratic, unnamed, unnamed_law, clean })
+    Ok(Extended { geometry, erratic, unnamed, unnamed_law, ended_with, clean })
 }
