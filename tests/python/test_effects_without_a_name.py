@@ -15,6 +15,7 @@ from mirror_lab.blind.effects import VOCABULARY
 from mirror_lab.blind.make import draw_causes
 from mirror_lab.blind.simulate import Options, simulate
 from mirror_lab.blind.write import write_session
+from session_folder import DATA
 
 OUTSIDE_ONLY = Options(causes=(0, 1), outside_share=1.0)
 
@@ -87,7 +88,7 @@ def test_beside_causes_it_is_told_at_its_place_and_they_are_named(
     assert {w.at for w in told.where if w.depends_on} == {true["at"]}, told.where
 
 
-BY_HAND_015 = Path(__file__).parents[3] / "shared" / "data" / "by-hand" / "hand-015"
+BY_HAND_015 = DATA / "by-hand" / "hand-015"
 
 
 @pytest.mark.skipif(not BY_HAND_015.is_dir(), reason="the sessions by hand are not beside the project")
