@@ -135,12 +135,15 @@ def test_what_has_no_name_beside_a_cause_is_met_at_its_place(tmp_path: Path) -> 
     pieces = told("explained", [at_gear], ["gear_ratio@joint:k", "drift@joint:j"])
     assert pieces == {"met": False, "false_cause": True, "confidently_wrong": True}
     for name, said in (("found", ["gear_ratio@joint:k"]), ("lost", [])):
-        _session(tmp_path, name, [gear, knee], "partial", said)
+        _session(tmp_path, name, [gear, knee], "partial", said, **HAND)
     got = score(tmp_path / "cases", tmp_path / "results")
     assert (got["mixed_named_found"]["hits"], got["mixed_named_found"]["of"]) == (1, 2)
     assert (got["mixed_place"]["hits"], got["mixed_place"]["of"]) == (0, 2)
     assert got["mixed_explained"]["hits"] == got["mixed_false_cause"]["hits"] == 0
     assert got["outside_met"]["of"] == got["several_identifiable_found"]["of"] == 0
+    hand = got["by_hand"]
+    assert hand["single_named"]["of"] == hand["several_named"]["of"] == 0, "what has no name cannot be named"
+    assert [w["session"] for w in hand["wrong"]] == ["lost"]
 
 
 def _told(truths: list[dict[str, Any]], verdict: str, said: list[str], where: str = "camera") -> str:

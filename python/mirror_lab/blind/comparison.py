@@ -152,11 +152,7 @@ def mixed_verdict(case: Scored) -> dict[str, bool]:
     (truth,) = (t for t in case.truths if t["effect"] == "unknown")
     at = truth["at"].split("<-")[0]
     named = {t["at"] for t in case.truths if t is not truth} | {c["at"] for c in case.answer.get("setup", [])}
-    where = case.said.get("where", [])
-    unnamed = [w["at"] for w in where if w.get("depends_on")] or [
-        w["at"] for w in where if w["at"] not in named | {"robot"}
-    ]
-    right_place = at in {place.split("<-")[0] for place in unnamed[:2]}
+    right_place = at in {place.split("<-")[0] for place in _unnamed(case, named)[:2]}
     mimics = set(rivals_of(case, truth)) & {name_of(c) for c in case.causes}
     false = any(c.get("probability", 1.0) >= CONFIDENT for c in invented(case))
     verdict = case.said.get("verdict")
@@ -170,9 +166,13 @@ def mixed_verdict(case: Scored) -> dict[str, bool]:
 def _places(case: Scored) -> list[str]:
     """The places of `where`, largest share first. Beside mounts by hand, which have the largest: those of what has no name, or
     else those that are no mount's."""
-    where = case.said.get("where", [])
     if "setup" not in case.answer:
-        return [w["at"] for w in where]
-    mounts = {c["at"] for c in case.answer["setup"]} | {"robot"}
+        return [w["at"] for w in case.said.get("where", [])]
+    return _unnamed(case, {c["at"] for c in case.answer["setup"]})
+
+
+def _unnamed(case: Scored, known: set[str]) -> list[str]:
+    """The places of `where` of what has no name, or else those that are not `known`."""
+    where = case.said.get("where", [])
     unnamed = [w["at"] for w in where if w.get("depends_on")]
-    return unnamed or [w["at"] for w in where if w["at"] not in mounts]
+    return unnamed or [w["at"] for w in where if w["at"] not in known | {"robot"}]

@@ -73,9 +73,13 @@ def by_hand(scored: list[Scored]) -> dict[str, Any] | None:
     cases = [c for c in scored if "setup" in c.answer]
     if not cases:
         return None
-    one = [c for c in cases if len(c.truths) == 1 and identifiable(c, c.truths[0])]
-    several = [(c, t) for c in cases if len(c.truths) > 1 for t in c.truths if identifiable(c, t)]
+    # What has no name cannot be named: it is scored apart.
+    one = [c for c in cases if c.kind == "single" and identifiable(c, c.truths[0])]
+    several = [(c, t) for c in cases if c.kind == "several" for t in c.truths if identifiable(c, t)]
     none = [c for c in cases if not c.truths]
+
+    def is_lost(c: Scored, t: dict[str, Any]) -> bool:
+        return t["effect"] != "unknown" and identifiable(c, t) and not found(c, t)
 
     def only_setup(c: Scored) -> bool:
         return all(x["effect"] in SETUP for x in invented(c))
@@ -98,7 +102,7 @@ def by_hand(scored: list[Scored]) -> dict[str, Any] | None:
                 "verdict": c.said.get("verdict"),
             }
             for c in cases
-            if not only_setup(c) or any(identifiable(c, t) and not found(c, t) for t in c.truths)
+            if not only_setup(c) or any(is_lost(c, t) for t in c.truths)
         ],
     }
 

@@ -60,9 +60,10 @@ def draw_causes(rng: np.random.Generator, options: Options, vocabulary: Sequence
         return [str(rng.choice(sorted(OUTSIDE)))]
     number = int(rng.integers(max(1, low), high + 1)) if high >= 1 else 0
     names = _named(rng, number, vocabulary)
-    if options.outside_beside > 0 and names and not NOT_AMONG_SEVERAL & set(names):
-        # Asked for by share: nothing is drawn where none is wanted, and sets without it stay as they are.
-        names += [str(rng.choice(sorted(OUTSIDE)))] if rng.random() < options.outside_beside else []
+    may_have = options.outside_beside > 0 and names and not NOT_AMONG_SEVERAL & set(names)
+    # No number is drawn where none is asked for: sets without it stay as they are.
+    if may_have and rng.random() < options.outside_beside:
+        names.append(str(rng.choice(sorted(OUTSIDE))))
     return names
 
 

@@ -29,6 +29,15 @@ impl Group {
     pub fn contains(&self, columns: &[Column]) -> bool {
         columns.iter().all(|column| self.columns.contains(column))
     }
+
+    /// The group without its first columns.
+    pub fn after(&self, first: usize) -> Self {
+        Self {
+            columns: self.columns[first..].to_vec(),
+            prior_std: self.prior_std[first..].to_vec(),
+            positive: self.positive.get(first..).unwrap_or_default().to_vec(),
+        }
+    }
 }
 
 /// How to fit.

@@ -45,11 +45,16 @@ pub(crate) struct UnnamedLaw {
 }
 
 impl Extended {
+    /// Nothing beyond what was found, and small errors.
+    pub fn with(geometry: Option<Geometry>, clean: Problem) -> Self {
+        Self { geometry, erratic: None, unnamed: None, unnamed_law: None, ended_with: None, clean }
+    }
+
     /// Nothing beyond what was found with free mounts.
     pub fn nothing(search: &Search<'_>, found: &Found, setup: &Geometry) -> Result<Self> {
         let (clean, _) = without_false(&search.problem, &search.deformation(&found.fit.model), found.noise)?;
         let geometry = Some(setup.clone()).filter(|_| !found.fit.model.group.is_empty());
-        Ok(Self { geometry, erratic: None, unnamed: None, unnamed_law: None, ended_with: None, clean })
+        Ok(Self::with(geometry, clean))
     }
 }
 

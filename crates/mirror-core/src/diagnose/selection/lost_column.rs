@@ -55,17 +55,7 @@ pub(crate) fn beside_lost_column(
     let joint = &search.problem.scene.body.nodes[lost.node].joint;
     found.trace.insert(0, format!("the column of joint:{joint} is unrelated to it: its positions are free"));
     let (clean, _) = without_false(&search.problem, &search.deformation(&found.fit.model), found.noise)?;
-    Ok((
-        found,
-        Extended {
-            geometry,
-            erratic: Some(lost.node),
-            unnamed: None,
-            unnamed_law: None,
-            ended_with: None,
-            clean,
-        },
-    ))
+    Ok((found, Extended { erratic: Some(lost.node), ..Extended::with(geometry, clean) }))
 }
 
 /// Whether effects at a place depend on a joint's position.

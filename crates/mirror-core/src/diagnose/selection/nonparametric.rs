@@ -13,7 +13,6 @@ use crate::diagnose::data::depends_on::DependsOn;
 use crate::diagnose::data::diagnosis::Where;
 use crate::diagnose::effects::Place;
 use crate::diagnose::effects::hypothesis::{Catalogue, Model};
-use crate::diagnose::likelihood::fit::Group;
 use crate::diagnose::likelihood::score_sums::ScoreSums;
 use crate::diagnose::likelihood::score_test::scored;
 use crate::diagnose::model::body::NodeId;
@@ -221,14 +220,14 @@ fn searched_beside<'a>(
     }
     // From the nominal model it takes as long as all that was done before, and mounts must be displaced again: where that is much,
     // the start is the most probable linear model. With neither causes nor displaced mounts the nominal model is what was found.
-    let is_nominal = found.fit.model.terms.is_empty() && found.fit.model.group.is_empty();
-    let much = wide.problem.budget.share_of_session() > A_STAGE && !is_nominal;
+    let has_causes = !found.fit.model.terms.is_empty();
+    let much = has_causes && wide.problem.budget.share_of_session() > A_STAGE;
     let costly = much || !found.fit.model.group.is_empty();
     if costly && let Some(choice) = free_form_start(wide, found)? {
         return from(if choice.has_free { &choice.model } else { &found.fit.model }).map(Some);
     }
     let best = from(nominal)?;
-    if enough || found.fit.model.terms.is_empty() || wide.problem.budget.is_spent() {
+    if enough || !has_causes || wide.problem.budget.is_spent() {
         return Ok(Some(best));
     }
     let other = from(&found.fit.model)?;
@@ -248,10 +247,7 @@ fn with_or_without_mounts<'a>(
     }
     // The mounts are the first columns.
     let mut as_modelled = displaced.clone();
-    let Group { columns: all, prior_std, positive } = &mut as_modelled.group;
-    all.drain(..columns);
-    prior_std.drain(..columns);
-    positive.drain(..columns.min(positive.len()));
+    as_modelled.group = displaced.group.after(columns);
     let model = Model { group: nominal.group.clone(), ..result.fit.model.clone() };
     let fit = as_modelled.fit(&model, result.noise, SOLVER.loose_steps)?;
     let mut without = Found { fit, ..result.clone() };
@@ -340,6 +336,9 @@ pub(crate) fn unexplained(
 /// # Errors
 /// Invalid parameters of the camera or mirror.
 pub(crate) fn retract_imitators(search: &Search<'_>, found: &mut Found) -> Result<()> {
+    if !found.fit.model.terms.iter().any(|t| search.catalogue.is_free(t.hypothesis)) {
+        return Ok(());
+    }
     let all = search.deformation(&found.fit.model);
     let shifts = (0..found.fit.model.terms.len())
         .map(|i| {
